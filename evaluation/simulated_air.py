@@ -8,14 +8,15 @@ import heapq
 import itertools
 import math
 import random
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple
 
-from smokebot_udp.congestion.controller import NO_LIMITS, Controller, Demand, Plan
+from smokebot_udp.congestion.controller import Controller, Demand, Plan
 from smokebot_udp.congestion.estimator import LIMITS, REPORT_INTERVAL, Limits
 from smokebot_udp.congestion.feedback import ReceiveHistory, Report
 from smokebot_udp.congestion.operating_points import OperatingPoint
 from smokebot_udp.congestion.packet_scheduler import PacketScheduler
 from smokebot_udp.link_lab.channel import Channel
+from smokebot_udp.paths import STRAIGHT, Route
 
 from .simulated_paths import Path
 
@@ -151,20 +152,20 @@ class Robot:
         chunk = self.scheduler.take(self.robot_time + 1e-9)
         if chunk is not None:
             count = chunk.stop - chunk.start
-            limits = self.controller.conforming(chunk.stream, count, chunk.size // count, self.robot_time, chunk.start,
-                                                chunk.total)
-            self._depart(chunk.stream, chunk.work, chunk.start, chunk.stop, chunk.size // count, limits)
+            route = self.controller.route(chunk.stream, count, chunk.size // count, self.robot_time, chunk.start,
+                                          chunk.total, chunk.urgent)
+            self._depart(chunk.stream, chunk.work, chunk.start, chunk.stop, chunk.size // count, route)
         self._wake()
 
     def _depart(self, stream: str, frame: Any, start: int, stop: int, size: int,
-                limits: Mapping[str, int] = NO_LIMITS) -> None:
+                route: Route = STRAIGHT) -> None:
         now, first = self.events.now, self._seq.get(stream, 0) + 1
         self._seq[stream] = first + stop - start - 1
-        self.controller.on_sent(stream, first, stop - start, size, self.robot_time, limits)
+        self.controller.on_sent(stream, first, stop - start, size, self.robot_time, route)
         for index in range(start, stop):
             queued = self.there.waits(now)
             for operator in self.operators.values():
-                if index - start < limits.get(operator.name, stop - start):
+                if index - start < route.limits.get(operator.name, stop - start):
                     for time in operator.there.fate(now, size)[:1]:
                         self.events.at(operator.reads(time), self._arrive, operator, stream, first + index - start,
                                        frame, index, size, now)

@@ -6,8 +6,9 @@ udpros/transport.py and link/transport.py implement it.
 """
 from dataclasses import dataclass
 from types import MappingProxyType
-from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Protocol, Sequence, Tuple
+from typing import Any, Callable, Collection, Counter, Dict, List, Mapping, Optional, Protocol, Sequence, Tuple
 
+from .paths import PathUse
 from .udpros.depacketizer import Arrived, BatchCallback
 from .udpros.frame import Frame
 
@@ -23,6 +24,8 @@ class PathStats:
     address: Tuple[str, int]
     is_used: bool
     """Whether everything but probes goes there."""
+    is_shared: bool
+    """Whether a part of what the peer sends comes from there, beside the path that is used."""
     silence: float
     """Time since it answered last [s]."""
     round_trip: Optional[float]
@@ -42,6 +45,8 @@ class PeerStats:
     """In order of preference; empty: there is one."""
     second: Optional[Tuple[str, int]] = None
     """Its other address, to which copies go now; None: there is none."""
+    is_shared: bool = False
+    """Whether a part of what goes to it goes there, too."""
 
 
 @dataclass(frozen=True)
@@ -71,10 +76,12 @@ class Publisher(Protocol):
     def publish(self, message: Any) -> None:
         """Number and send one message."""
 
-    def publish_frames(self, *frames: Frame, limits: Mapping[str, int] = MappingProxyType({})) -> int:
+    def publish_frames(self, *frames: Frame, limits: Mapping[str, int] = MappingProxyType({}),
+                       second: Collection[str] = ()) -> int:
         """Number and send all messages of some frames.
 
         :param limits: {peer: it gets only this number of the first messages}
+        :param second: peers that get them by their second path, see Transport.paths
         :return: the first message's sequence number; those of the others follow
         :raises ValueError: if a frame is of another type than the topic
         """
@@ -175,8 +182,9 @@ class Transport(Protocol):
     def problem(self) -> Optional[str]:
         """Why nothing is received from the other side, in one sentence; None: there is no problem."""
 
-    def hosts(self) -> Mapping[str, str]:
-        """{peer: the host at which it is reached now}, of peers that may move from one to another; any thread."""
+    def paths(self, now: float) -> Mapping[str, Sequence[PathUse]]:
+        """{peer: its first path, and a second one if it has one now}, of peers that may move from one to another; any
+        thread."""
 
     def stats(self, now: float) -> Optional[TransportStats]:
         """Its state by time.monotonic(); None: all of it shows in the stats of publishers and subscribers."""

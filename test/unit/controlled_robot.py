@@ -82,10 +82,10 @@ class Robot:
         until, next_report, receivers = self.now + seconds, self.now + 0.1, list(receivers)
         while self.now < until:
             seq = next(self._seq)
-            limits = self.controller.conforming('thermal', 1, SIZE, self.now)
-            self.controller.on_sent('thermal', seq, 1, SIZE, self.now, limits)
+            route = self.controller.route('thermal', 1, SIZE, self.now)
+            self.controller.on_sent('thermal', seq, 1, SIZE, self.now, route)
             for receiver in receivers:
-                if limits.get(receiver.name, 1):
+                if route.limits.get(receiver.name, 1):
                     receiver.receive(seq, self.now)
             self.now += SIZE / self.rate
             if self.now >= next_report:

@@ -42,7 +42,7 @@ class Topic:
         self.published.append(message)
         self.seq += 1
 
-    def publish_frames(self, *frames: Any, limits: Any = None) -> int:
+    def publish_frames(self, *frames: Any, limits: Any = None, second: Any = ()) -> int:
         first = self.seq + 1
         for frame in frames:
             number = 'total' if frame.message_class is ScanSegment else 'index'

@@ -25,7 +25,7 @@ class StubTransport:
                  subscriber: Callable[..., Any] = lambda *_, **__: SilentTopic()) -> None:
         self.publisher, self.subscriber = publisher, subscriber
 
-    def hosts(self) -> Any:
+    def paths(self, now: float) -> Any:
         return {}
 
     def limit(self, room: int) -> None:

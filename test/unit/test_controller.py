@@ -9,6 +9,7 @@ from controlled_robot import LIMITS, SIZE, Receiver, Robot, image
 from smokebot_udp.congestion.controller import NEAR, OPERATOR_TIMEOUT, PLANNING_SHARE, Controller, Plan
 from smokebot_udp.congestion.estimator import Limits
 from smokebot_udp.congestion.pause import DIP
+from smokebot_udp.paths import STRAIGHT, PathUse
 from smokebot_udp.units import MBIT
 
 
@@ -72,16 +73,16 @@ def test_a_slow_link_slows_no_other_operator() -> None:
 def test_each_path_to_an_operator_has_an_estimate_of_its_own() -> None:
     robot, operator = Robot(), Receiver('/op', 5 * MBIT)
     robot.drive([operator], 6.0)
-    robot.controller.on_paths({'/op': 'wifi', '/stranger': 'lte'}, robot.now)
+    robot.controller.on_paths({'/op': [PathUse('wifi')], '/stranger': [PathUse('lte')]}, robot.now)
     wifi = robot.rate
     assert wifi > 0.8 * 5 * MBIT
     operator.rate, operator.delay = 1 * MBIT, 0.08
-    robot.controller.on_paths({'/op': 'lte'}, robot.now)
+    robot.controller.on_paths({'/op': [PathUse('lte')]}, robot.now)
     assert robot.rate == LIMITS.start_rate
     robot.drive([operator], 4.0)
     assert robot.state.capacity == pytest.approx(1 * MBIT, rel=0.15) and robot.state.queue_delay < 0.05
     operator.rate, operator.delay = 5 * MBIT, 0.02
-    robot.controller.on_paths({'/op': 'wifi'}, robot.now)
+    robot.controller.on_paths({'/op': [PathUse('wifi')]}, robot.now)
     assert robot.rate == pytest.approx(wifi, rel=0.5)
     operator.received = 0
     robot.drive([operator], 1.0)
@@ -90,11 +91,11 @@ def test_each_path_to_an_operator_has_an_estimate_of_its_own() -> None:
 
 def test_what_was_lost_on_the_path_before_is_no_loss_of_the_next_one() -> None:
     robot, operator = Robot(), Receiver('/op', 5 * MBIT)
-    robot.controller.on_paths({'/op': 'wifi'}, robot.now)
+    robot.controller.on_paths({'/op': [PathUse('wifi')]}, robot.now)
     robot.drive([operator], 4.0)
-    robot.controller.on_paths({'/op': 'wifi'}, robot.now)
+    robot.controller.on_paths({'/op': [PathUse('wifi')]}, robot.now)
     robot.drive([], 0.3)                                # the Wi-Fi is cut
-    robot.controller.on_paths({'/op': 'lte'}, robot.now)
+    robot.controller.on_paths({'/op': [PathUse('lte')]}, robot.now)
     lost: List[int] = []        # of the streams, which are protected accordingly
     robot.controller.on_arrivals = lambda operator, stream, expected, received, now: lost.append(expected - received)
     robot.drive([operator], 3.0)
@@ -225,7 +226,7 @@ def test_a_subscriber_that_does_not_report_gets_everything_after_a_while() -> No
     robot, near, recorder = Robot(), Receiver('/near', 5 * MBIT), Receiver('/recorder', math.inf)
     robot.controller.on_operators({'/near': 1, '/recorder': 1}, robot.now)
     robot.drive([near], 5.0)
-    assert robot.controller.conforming('thermal', 100, SIZE, robot.now) == {}
+    assert robot.controller.route('thermal', 100, SIZE, robot.now) == STRAIGHT
     assert robot.state.operator == '/near' and recorder.received == 0
 
 

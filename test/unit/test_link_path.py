@@ -3,7 +3,17 @@
 import numpy as np
 import pytest
 
-from smokebot_udp.link.control import CHALLENGE_SIZE, SIZE, Control, as_copies, as_originals, copies, message
+from smokebot_udp.link.control import (
+    CHALLENGE_SIZE,
+    COPY,
+    SECOND,
+    SIZE,
+    Control,
+    marked,
+    message,
+    with_mark,
+    without_marks,
+)
 from smokebot_udp.link.path import AGAIN, LEFT_AFTER, PathCheck
 
 HERE, THERE = (1, 2), (1, 3)
@@ -47,7 +57,8 @@ def test_the_bytes_of_the_cores_own_messages() -> None:
 def test_a_copy_is_marked_in_its_op() -> None:
     datagram = bytes.fromhex('78563412' '00' '07' '0100' 'aabb')
     original = np.frombuffer(datagram, np.uint8)[np.newaxis]
-    copy = as_copies(original)
+    copy = with_mark(original, COPY)
     assert copy.tobytes() == bytes.fromhex('78563412' '80' '07' '0100' 'aabb')
-    assert copies(np.concatenate([original, copy])).tolist() == [False, True]
-    assert as_originals(copy).tobytes() == datagram == original.tobytes()
+    both = np.concatenate([original, copy])
+    assert marked(both, COPY).tolist() == [False, True] and not marked(both, SECOND).any()
+    assert without_marks(copy).tobytes() == datagram == original.tobytes()

@@ -139,14 +139,16 @@ def test_other_words_are_no_peers(text: str) -> None:
 
 
 def test_the_paths_that_are_not_used_are_listed() -> None:
-    paths = [PathStats(('10.0.0.7', 17001), False, 5.4, 0.01), PathStats(('10.1.0.7', 17001), True, 0.1, 0.06),
-             PathStats(('10.2.0.7', 17001), False, 0.3, 0.07), PathStats(('10.3.0.7', 17001), False, 0.3, None)]
+    paths = [PathStats(('10.0.0.7', 17001), False, False, 5.4, 0.01),
+             PathStats(('10.1.0.7', 17001), True, False, 0.1, 0.06),
+             PathStats(('10.2.0.7', 17001), False, True, 0.3, 0.07),
+             PathStats(('10.3.0.7', 17001), False, False, 0.3, None)]
     peer = PeerStats('robot', ('10.1.0.7', 17001), 0.2, 0.06, paths, paths[2].address)
     status = transport_status(TransportStats([peer], 1, {}, None))
     text = status.values['connected to']
     assert text == ('robot at 10.1.0.7:17001 (round trip 60 ms); '
                     'robot at 10.0.0.7:17001 (not used, silent for 5 s, round trip 10 ms); '
-                    'robot at 10.2.0.7:17001 (commands only, round trip 70 ms); robot at 10.3.0.7:17001 (not used)')
+                    'robot at 10.2.0.7:17001 (beside, round trip 70 ms); robot at 10.3.0.7:17001 (not used)')
     assert [(peer['host'], peer['used'], peer['round_trip']) for peer in peers_in(text)] == [
         ('10.1.0.7', True, 0.06), ('10.0.0.7', False, 0.01), ('10.2.0.7', False, 0.07), ('10.3.0.7', False, None)]
 

@@ -12,6 +12,7 @@ from smokebot_udp.monitoring.stages import read_marks
 from smokebot_udp.nodes.outbox import Outbox
 from smokebot_udp.nodes.trace import Trace
 from smokebot_udp.nodes.worker import RETRY_PERIOD
+from smokebot_udp.paths import STRAIGHT, Route
 from smokebot_udp.udpros import Frame
 
 
@@ -23,7 +24,7 @@ class Publisher:
         self.seq = 0
         self._new = threading.Condition()
 
-    def publish_frames(self, *frames, limits=None) -> Any:
+    def publish_frames(self, *frames, limits=None, second=()) -> Any:
         first = self.seq + 1
         self.published = time.monotonic()
         self.limits.append(limits)
@@ -79,8 +80,8 @@ def test_frames_leave_in_their_order_and_are_told_of(make) -> None:
 
 def test_all_parts_of_a_stream_are_one_flow_and_are_recorded_by_their_names(make) -> None:
     told, asked, publisher, layers = [], [], Publisher(), Publisher()
-    outbox = make(PacketScheduler(), lambda *what: told.append(what[:3]), conforming=(
-        lambda stream, *_: asked.append(stream) or {}))
+    outbox = make(PacketScheduler(), lambda *what: told.append(what[:3]), route=(
+        lambda stream, *_, **__: asked.append(stream) or STRAIGHT))
     outbox.put('scan', publisher, frames(4))        # not started: nothing leaves
     outbox.put('scan/layers', layers, frames(2))
     assert outbox.dropped('scan') == 4 and outbox.sending('scan')
@@ -93,12 +94,12 @@ def test_all_parts_of_a_stream_are_one_flow_and_are_recorded_by_their_names(make
 def test_a_message_for_one_subscriber_is_sent_to_no_other(make) -> None:
     publisher, told = Publisher(), []
     publisher.connections = lambda: [{'peer': peer} for peer in ('/a', '/b', '/c')]
-    outbox = make(PacketScheduler(), lambda *what: told.append(what[5]), conforming=lambda *_: {'/a': 1, '/b': 1})
+    outbox = make(PacketScheduler(), lambda *what: told.append(what[5]), route=lambda *_: Route({'/a': 1, '/b': 1}))
     outbox.start()
     outbox.put('pieces', publisher, frames(2), only='/b')
     publisher.wait_for(1)
     outbox.stop()
-    assert publisher.limits == told == [{'/a': 0, '/b': 1, '/c': 0}]
+    assert publisher.limits == [route.limits for route in told] == [{'/a': 0, '/b': 1, '/c': 0}]
 
 
 def test_an_older_message_is_given_up(make) -> None:
@@ -148,7 +149,7 @@ def test_small_messages_do_not_wait(make) -> None:
 
 def test_a_stream_that_cannot_be_sent_stops_no_other(make) -> None:
     class Broken:
-        def publish_frames(self, frame, limits) -> NoReturn:
+        def publish_frames(self, frame, limits, second) -> NoReturn:
             raise OSError('no way')
 
     told, publisher = [], Publisher()
@@ -175,11 +176,13 @@ def test_stop_before_the_beginning(make) -> None:
 def test_an_operator_with_a_slower_link_gets_a_part(make) -> None:
     asked, places, told, publisher = [], [], [], Publisher()
 
-    def conforming(stream, count, size, now, start, total) -> Any:
+    def route(stream, count, size, now, start=0, total=1, urgent=False, whole=False) -> Any:
+        if whole:
+            return STRAIGHT
         asked.append((stream, count, size))
         places.append((start, total))
-        return {'/slow': count // 2}
-    outbox = make(PacketScheduler(1e6, burst=600), lambda *what: told.append(what), conforming=conforming)
+        return Route({'/slow': count // 2})
+    outbox = make(PacketScheduler(1e6, burst=600), lambda *what: told.append(what), route=route)
     outbox.start()
     outbox.put('scan', publisher, frames(20))
     outbox.publish('gas', publisher, *frames(1))    # small messages go to everybody
@@ -190,7 +193,7 @@ def test_an_operator_with_a_slower_link_gets_a_part(make) -> None:
     assert sum(what[2] for what in told) == 20
     assert places == [(sum(count for _, count, _ in asked[:i]), 20) for i in range(len(asked))]
     limits = [given for given in publisher.limits if given is not None]
-    assert limits == [what[5] for what in told] == [{'/slow': count // 2} for _, count, _ in asked]
+    assert limits == [what[5].limits for what in told] == [{'/slow': count // 2} for _, count, _ in asked]
 
 
 def test_what_is_sent_besides_is_charged(make) -> None:

@@ -14,6 +14,7 @@ from test_link_network import Relay
 from smokebot_udp.congestion.path_length import USUAL
 from smokebot_udp.nodes.outbox import Outbox
 from smokebot_udp.nodes.path_monitor import PathAnswers, PathMonitor
+from smokebot_udp.paths import STRAIGHT
 
 IMAGES, STATES = '/smokebot_udp/camera/layers', '/smokebot_udp/status/segments'
 
@@ -47,7 +48,7 @@ class Side:
             whole = frame(CompressedImage, count, size - empty)
             now = time.monotonic()
             publisher.publish_frames(whole)
-            self.monitor.sent(topic, 0, count, whole.datagram_size + self.robot.overhead + 28, now, {})
+            self.monitor.sent(topic, 0, count, whole.datagram_size + self.robot.overhead + 28, now, STRAIGHT)
         time.sleep(0.1)
         streams = [SimpleNamespace(name=name, received=count) for name, count in self.received.items()]
         self.monitor.reported(self.operator.name, SimpleNamespace(streams=streams), time.monotonic())

@@ -40,7 +40,7 @@ class Topic:
     def publisher(self, *_: Any, **__: Any) -> 'Topic':
         return self
 
-    def publish_frames(self, frame: Any, limits: Any) -> int:
+    def publish_frames(self, frame: Any, limits: Any, second: Any) -> int:
         record = frame.records[0]
         self.limits.append(limits)
         self.received.take(Piece(*(int(record[name]) for name in ('size', 'order', 'number', 'length')),

@@ -7,7 +7,7 @@ import pytest
 from link_channel import KEY, OPERATOR, ROBOT, SIZE, data, give, random_bytes, sent, shake_hands
 from link_sides import ELSEWHERE, ROW, init_of, joined, operator_of, robot_of, the_robot
 
-from smokebot_udp.link.control import Control, as_copies, message
+from smokebot_udp.link.control import COPY, Control, message, with_mark
 from smokebot_udp.link.core import MAX_OLD, OLD_KEYS
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.packets import VERSION, Cookie, Suite, Unknown, parse
@@ -246,7 +246,7 @@ def test_a_copy_is_delivered_and_moves_nobody(is_proved: bool) -> None:
     if is_proved:
         proved(robot, operator, 1.0)
     robot.outputs()
-    copy = as_copies(np.frombuffer(data(20, b'stop'), np.uint8)[np.newaxis]).tobytes()
+    copy = with_mark(np.frombuffer(data(20, b'stop'), np.uint8)[np.newaxis], COPY).tobytes()
     delivery, = give(robot, ELSEWHERE, the_robot(operator).seal_one(copy), now=1.1)
     assert delivery.datagrams[0, :delivery.lengths[0]].tobytes() == copy
     assert robot.peers[0].address == OPERATOR and not robot.outputs() and not robot.events()

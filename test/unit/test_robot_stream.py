@@ -129,7 +129,7 @@ def arrivals_sent(made: Any, monkeypatch: Any) -> List[Any]:
     """The arrivals that cross with messages, as they are sent [s]."""
     sent: List[Any] = []
 
-    def publish_frames(*frames: Any, limits: Any = None) -> int:
+    def publish_frames(*frames: Any, limits: Any = None, second: Any = ()) -> int:
         sent.extend(frame.records['arrival']['secs'][0] for frame in frames)
         return 1
     monkeypatch.setattr(made.segments, 'publish_frames', publish_frames)

@@ -78,7 +78,7 @@ def test_each_arrival_is_reported_once(make, batches) -> None:
 def test_marks_of_congested_queues_are_counted_once_for_each_message(make, batches) -> None:
     """One by one, in batches of more than are taken one by one, and in many blocks; of a stranger none."""
     marked = []
-    peer = make(Image, batches, not batches, arrived=lambda *what: marked.append(what[-1])).start()
+    peer = make(Image, batches, not batches, arrived=lambda *what: marked.append(what[-2])).start()
     last = 0
     for tos, count in ((0x88, 1), (0x8b, 1), (0x8a, 20), (3, 20)):
         peer.sender.tos = tos

@@ -4,25 +4,24 @@
 Its owner calls `on_sent` for all that leaves, `on_report` for each report, and `tick` each estimator.REPORT_INTERVAL;
 it sets the packet scheduler's rate after each of the latter two. The nodes and the simulator are such owners.
 
-Each operator that reports has an estimate of its own, of each path to it that is used (on_paths). All operators get
+Each operator that reports has an estimate of its own, of each path to it that is used (bundle.py). All operators get
 the same datagrams; the streams are planned for the best link, and for those that carry nearly as much. The owner asks
-`conforming` before datagrams leave: an operator with a slower link gets the part of them that its link carries
+`route` before datagrams leave: an operator with a slower link gets the part of them that its link carries
 (operator_share.py), and slows nobody else. An owner that knows the subscribers calls `on_operators` before `tick`:
 who left no longer counts, and nobody else's reports do.
 """
 import collections
 import math
 from dataclasses import dataclass, field, replace
-from types import MappingProxyType
-from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Tuple
+from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Sequence, Tuple
 
 from ..monitoring.stats import LinkStats
 from ..monitoring.windows import Rate
-from ..newest import Newest
+from ..paths import STRAIGHT, PathUse, Route
 from .allocation import Allocator, DatagramSize, Decimation, Demand, Grant
 from .allocation import shares as divide
-from .estimator import MAX_GAIN, Estimator, Limits
-from .feedback import Feedback, FeedbackReader
+from .bundle import SENT_WINDOW, Bundle
+from .estimator import MAX_GAIN, Limits
 from .operating_points import OperatingPoint
 from .operator_share import Policer
 from .sent_history import SentHistory, stream_of
@@ -45,9 +44,6 @@ RATE_LIMIT_FACTOR = 0.95
 GRANT_TOLERANCE = 0.02
 """A setting keeps the value granted before where the new one differs by less than this ratio."""
 
-MAX_ESTIMATES = 4
-"""Paths to one operator whose estimates are remembered."""
-
 MAX_OPERATORS = 8
 """Reports of further ones are ignored: they come from the network, and each operator costs memory."""
 
@@ -61,17 +57,12 @@ STILL_NEAR = 0.55
 """The plan includes a link for as long as it carries at least this part of what the best one does. The part is lower
 than NEAR because a better link that is not used is assumed to carry more than is sent."""
 
-NO_LIMITS: Mapping[str, int] = MappingProxyType({})
-
 JOIN_TIME = 2.0
 """Until its first report, but no longer than this, a new operator beside others gets start_rate [s]."""
 
 SOURCE_TIMEOUT = 1.0
 """While reports of an operator come, those of another connection under its name are ignored; after this long without,
 they are not [s]."""
-
-SENT_WINDOW = 1.0
-"""Window over which the send rate, in total and of each stream, is measured [s]."""
 
 PROTECTED_WINDOW = 2.0
 """Window over which the send rate of the protected streams is measured [s]."""
@@ -103,36 +94,12 @@ class _Operator:
     """What is known of the link to one operator."""
 
     def __init__(self, history: SentHistory, limits: Limits, now: float) -> None:
-        self.reader, self.estimator, self.policer = FeedbackReader(history), Estimator(now, limits), Policer(now)
-        self.path: Any = None
-        self.moved = -math.inf      # to this path
-        self._limits = limits
-        self._estimators: Newest[Any, Estimator] = Newest(MAX_ESTIMATES)    # of each path
+        self.paths, self.policer = Bundle(history, limits, now), Policer(now)
         self.heard, self.since = now, now
         self.source: Any = None
         self.doubted = -math.inf    # when it lost a connection
         self.near = False           # whether the plan suits its link
         self.confirmed = False      # whether it ever reported a datagram that was sent
-
-    def follow(self, path: Any, now: float) -> None:
-        """It is reached over this path from now on."""
-        if path == self.path:
-            return
-        if self.path is not None:
-            self._estimators[self.path], self.moved = self.estimator, now
-            self.estimator = self._estimators.of(path, lambda: Estimator(now, self._limits))
-        self.path = path
-
-    def read(self, report: Any, now: float) -> Optional[Feedback]:
-        """What a report says about the present path; None: nothing, or it is not believed."""
-        feedback = self.reader.read(report, now)
-        if feedback is None or self.moved == -math.inf:
-            return feedback
-        samples = [sample for sample in feedback.samples if sample.sent >= self.moved]
-        if not samples:
-            return None
-        self.moved = -math.inf      # from the next report on all is of this path
-        return feedback._replace(samples=samples, expected=0, received=0, marked=0, arrivals=())
 
 
 class Controller:
@@ -158,28 +125,29 @@ class Controller:
         self.on_arrivals: OnArrivals = lambda *_: None
         """Called with what each valid report says about each stream."""
 
-    def conforming(self, stream: str, count: int, size: int, now: float, start: int = 0,
-                   total: int = 1) -> Mapping[str, int]:
-        """How many of the datagrams that leave together now operators with slower links get.
+    def route(self, stream: str, count: int, size: int, now: float, start: int = 0, total: int = 1,
+              urgent: bool = False, whole: bool = False) -> Route:
+        """Who gets which of the datagrams that leave together now: operators with slower links get the first ones only.
 
         :param stream: its name
         :param count: number of datagrams
         :param size: of each on the air, IP and UDP headers included [byte]
         :param start: index in its message of the first datagram
         :param total: datagrams of the message
-        :return: {operator: number of the first datagrams}; all others get all
+        :param urgent: whether they are to arrive as early as possible
+        :param whole: whether all operators get all
         """
-        rate = self.rate(now) if self._adapt and len(self._operators) > 1 else None
+        second = tuple(name for name, state in self._operators.items()
+                       if state.paths.choose(count * size, now, urgent))
+        rate = self.rate(now) if self._adapt and not whole and len(self._operators) > 1 else None
         if rate is None:
-            return NO_LIMITS
-        numbers = {name: state.policer.conforming(stream, count, size, state.estimator.rate, now, start,
-                                                        total)
-                   for name, state in self._operators.items() if state.estimator.rate < rate
+            return Route(second=second) if second else STRAIGHT
+        numbers = {name: state.policer.conforming(stream, count, size, state.paths.rate, now, start, total)
+                   for name, state in self._operators.items() if state.paths.rate < rate
                    and (state.confirmed or now - state.since < JOIN_TIME)}
-        return {name: number for name, number in numbers.items() if number < count}
+        return Route({name: number for name, number in numbers.items() if number < count}, second)
 
-    def on_sent(self, stream: str, seq: int, count: int, size: int, now: float,
-                limits: Mapping[str, int] = NO_LIMITS) -> None:
+    def on_sent(self, stream: str, seq: int, count: int, size: int, now: float, route: Route = STRAIGHT) -> None:
         """Record datagrams that were sent together.
 
         :param stream: its name in reports, see sent_history.py
@@ -187,14 +155,13 @@ class Controller:
         :param count: number of datagrams
         :param size: of each on the air, IP and UDP headers included [byte]
         :param now: when [s]
-        :param limits: as `conforming` returned
+        :param route: that they took
         """
         self._history.add(stream, seq, count, size, now)
         for name, state in self._operators.items():
-            number = limits.get(name, count)
+            number = route.limits.get(name, count)
             state.policer.spend(number * size)
-            if number < count:
-                state.reader.sent.leave_out(stream, seq + number, count - number, size, now)
+            state.paths.sent(stream, seq, count, number, size, now, int(name in route.second))
 
     def on_sent_besides(self, size: int) -> None:
         """Record what was sent to all operators and is in no report: it shares the air, too.
@@ -217,44 +184,45 @@ class Controller:
             if name in lost:
                 state.doubted = now
             elif lost:
-                state.estimator.expect_more()
+                state.paths.expect_more()
         self._connections = dict(connections)
         for name in connections:
             self._state(name, now)
 
-    def on_paths(self, paths: Mapping[str, Any], now: float) -> None:
+    def on_paths(self, paths: Mapping[str, Sequence[PathUse]], now: float) -> None:
         """Take how the operators are reached now. An operator that is reached by another path has the estimate that
         this one had last; a path that is new begins with start_rate. What was sent before says nothing about it.
 
-        :param paths: {operator as in `on_report`: anything that is equal for the same path}
+        :param paths: {operator as in `on_report`: its first path, and a second one if it has one}
         :param now: [s]
         """
-        for name, path in paths.items():
+        for name, used in paths.items():
             if name in self._operators:
-                self._operators[name].follow(path, now)
+                self._operators[name].paths.follow(used, now)
 
-    def on_report(self, operator: str, report: Any, now: float, source: Any = None) -> Optional[Train]:
+    def on_report(self, operator: str, report: Any, now: float, source: Any = None, path: int = 0) -> Optional[Train]:
         """Take an operator's report; a forged or impossible one is counted and ignored.
 
         :param operator: its name
         :param report: a feedback.Report or a LinkReport message
         :param now: when it came [s]
         :param source: the connection that it came by
+        :param path: index of the path that it is about
         :return: a train for the packet scheduler, if one is due
         """
         state = self._operator(operator, source, now)
-        feedback = state.read(report, now) if state else None
+        feedback = state.paths.read(report, path, now) if state else None
         if state is None or feedback is None:
             return None
         state.heard = now
         state.confirmed |= bool(feedback.samples)
         for one in feedback.arrivals:
             self.on_arrivals(operator, stream_of(one.stream), one.expected, one.received, now)
-        train = state.estimator.on_feedback(feedback, now, self._wanted, self._wished)
+        train = state.paths.on_feedback(path, feedback, now, self._wanted, self._wished)
         if train is None or not self._adapt:
             return None
         state.policer.start_probe(*train)
-        return train if train.rate > (self.rate(now) or math.inf) else None
+        return train if state.paths.rate_beside(path) + train.rate > (self.rate(now) or math.inf) else None
 
     def tick(self, now: float, demands: Mapping[str, Demand], protected_bytes: int) -> Plan:
         """Make the plan for the time until the next tick.
@@ -267,7 +235,7 @@ class Controller:
         self._protected.read(protected_bytes, now)
         protected = self._protected.per_second or 0.0
         for operator in self._operators.values():
-            operator.estimator.poll(now, (self._sent.per_second or 0.0) + protected)
+            operator.paths.poll(now, (self._sent.per_second or 0.0) + protected)
         self._find_near(now)
         self._wanted = protected + math.fsum(demand.points[-1].cost for demand in demands.values())
         self._wished = max((demand.wished for demand in demands.values()), default=0.0)
@@ -289,12 +257,12 @@ class Controller:
         counting = self._counting(now) if self._adapt else []
         if not counting:
             return self._initial_rate()
-        rates = [state.estimator.rate for _, state in counting]
-        return min(max(rates), MAX_GAIN * self._planned(counting)[1].estimator.link.capacity)
+        rates = [state.paths.rate for _, state in counting]
+        return min(max(rates), MAX_GAIN * self._planned(counting)[1].paths.capacity)
 
     def tokens(self, now: float) -> Tuple[float, float]:
         """(depth of a token bucket on all paths that the streams are planned for, tokens missing in it now) [byte]."""
-        found = [state.estimator.tokens(state.reader.sent.total, now)
+        found = [state.paths.tokens(now)
                  for _, state in self._counting(now) if state.near] if self._adapt else []
         return min(found, default=(0.0, 0.0))
 
@@ -302,18 +270,19 @@ class Controller:
         """The state for status and diagnostics."""
         refused = collections.Counter(self._ignored)
         for operator in self._operators.values():
-            refused.update(operator.reader.dropped)
+            for reader in operator.paths.readers:
+                refused.update(reader.dropped)
         stats = LinkStats(self._adapt, self.rate(now), self._sent.per_second or 0.0, self._wanted,
                           refused_reports=dict(refused))
         counting = self._counting(now)
         if not counting:
             return stats
         name, state = self._planned(counting)
-        link = state.estimator.link
+        link = state.paths.link
         return replace(stats, capacity=link.capacity, loss=link.loss, queue_delay=link.queue_delay,
                        round_trip=link.round_trip, operator=name, silence=now - state.heard,
-                       timeout=self._adapt and state.estimator.timeouts > 0,
-                       slower={other: slow.estimator.rate for other, slow in counting
+                       timeout=self._adapt and state.paths.timed_out,
+                       slower={other: slow.paths.rate for other, slow in counting
                                if self._adapt and not slow.near and other != name})
 
     def _operator(self, name: str, source: Any, now: float) -> Optional[_Operator]:
@@ -355,21 +324,21 @@ class Controller:
     def _find_near(self, now: float) -> None:
         """Find out which links carry nearly as much as the best one."""
         counting = self._counting(now)
-        best = max((state.estimator.link.capacity for _, state in counting), default=0.0)
+        best = max((state.paths.capacity for _, state in counting), default=0.0)
         for _, state in counting:
-            state.near = state.estimator.link.capacity >= (STILL_NEAR if state.near else NEAR) * best
+            state.near = state.paths.capacity >= (STILL_NEAR if state.near else NEAR) * best
 
     def _planned(self, counting: List[Tuple[str, _Operator]]) -> Tuple[str, _Operator]:
         """The operator for whose link the streams are planned: the slowest that is near, else the best."""
         near = [item for item in counting if item[1].near]
         if not near:
-            return max(counting, key=lambda item: item[1].estimator.link.capacity)
-        return min(near, key=lambda item: item[1].estimator.link.capacity)
+            return max(counting, key=lambda item: item[1].paths.capacity)
+        return min(near, key=lambda item: item[1].paths.capacity)
 
-    def _estimator(self, now: float) -> Optional[Estimator]:
-        """Estimator of the link that the streams are planned for; None: the rate does not follow any link."""
+    def _planned_paths(self, now: float) -> Optional[Bundle]:
+        """The link that the streams are planned for; None: the rate does not follow any link."""
         counting = self._counting(now) if self._adapt else []
-        return self._planned(counting)[1].estimator if counting else None
+        return self._planned(counting)[1].paths if counting else None
 
     def _initial_rate(self) -> Optional[float]:
         """Rate before an operator has reported; None: unlimited. It is halved where no reports come [byte/s]."""
@@ -377,27 +346,27 @@ class Controller:
         if not self._adapt:
             return limits.max_rate if limits.max_rate < math.inf else None
         start = min(limits.start_rate, limits.max_rate)
-        waiting = [state.estimator.rate for name, state in self._operators.items()
+        waiting = [state.paths.rate for name, state in self._operators.items()
                    if not self._connections or name in self._connections]
         return min(start, max(waiting, default=start))
 
     def _capacity(self, now: float) -> Optional[float]:
         """Capacity of the link that the streams are planned for; None: unlimited [byte/s]."""
-        estimator = self._estimator(now)
-        return estimator.link.capacity if estimator else self._initial_rate()
+        paths = self._planned_paths(now)
+        return paths.capacity if paths else self._initial_rate()
 
     def gain(self, now: float) -> float:
         """What is sent now may be longer by this factor, as a train leaves."""
-        estimator = self._estimator(now)
-        return estimator.planned(_budget(estimator), self._history.total) if estimator else 1.0
+        paths = self._planned_paths(now)
+        return paths.planned(_budget(paths)) if paths else 1.0
 
     def _divide(self, capacity: Optional[float], demands: Mapping[str, Demand], protected: float,
                 now: float) -> Tuple[Dict[str, float], Dict[str, float], Dict[str, Optional[Dict[str, Any]]]]:
         """(shares, rooms, grants) as in a Plan."""
         if capacity is None:
             return {}, {}, {name: {} for name in demands}
-        estimator, gain = self._estimator(now), self.gain(now)
-        budget = (_budget(estimator) if estimator else PLANNING_SHARE * capacity) * gain
+        paths, gain = self._planned_paths(now), self.gain(now)
+        budget = (_budget(paths) if paths else PLANNING_SHARE * capacity) * gain
         allocated = self._allocator.allocate(budget, demands, protected, now)
         limited = {name for name, grant in allocated.items()
                    if grant.point is not None and grant.point < len(demands[name].points) - 1}
@@ -423,7 +392,7 @@ class Controller:
         sent = {name: replace(demand, points=[OperatingPoint({}, rates[name].per_second or 0.0)])
                 for name, demand in demands.items()}
         for state in self._operators.values():
-            granted = divide(max(0.0, state.estimator.link.capacity - protected), sent)
+            granted = divide(max(0.0, state.paths.capacity - protected), sent)
             state.policer.whole = {name for name, demand in demands.items() if demand.whole}
             state.policer.parts = {name: granted[name] / demand.points[0].cost for name, demand in sent.items()
                                    if demand.points[0].cost > granted[name]}
@@ -436,10 +405,9 @@ class Controller:
                 if setting != 'rate' or value < RATE_LIMIT_FACTOR * demand.rate}
 
 
-def _budget(estimator: Estimator) -> float:
+def _budget(paths: Bundle) -> float:
     """The part of the capacity that is allocated [byte/s]."""
-    capacity = estimator.link.capacity
-    return capacity * (REFILL_SHARE if estimator.has_deep_bucket else PLANNING_SHARE)
+    return paths.capacity * (REFILL_SHARE if paths.has_deep_bucket else PLANNING_SHARE)
 
 
 def _steady(before: Any, value: Any) -> Any:

@@ -240,6 +240,8 @@ class FeedbackReader:
         """Reports that were not believed, wholly or in part, by reason."""
         self.sent = OperatorHistory(history)
         """What the receiver was sent."""
+        self.is_shared = False
+        """Whether what is left out of a stream may have gone to the receiver by another path."""
         self._last: Any = None              # the last valid report; None: there was none
         self._counters: Dict[str, Any] = {}     # {stream: its last possible counters of this session}
         self._last_read = -math.inf         # when it came, by our clock [s]
@@ -333,12 +335,12 @@ class FeedbackReader:
                 received += min(could, one.received - before[name].received)
         return expected, received
 
-    @staticmethod
-    def _arrivals(counters: Mapping[str, Any], before: Mapping[str, Any]) -> List[Arrivals]:
+    def _arrivals(self, counters: Mapping[str, Any], before: Mapping[str, Any]) -> List[Arrivals]:
         found = []
         for name, one in counters.items():
             last = before.get(name, one)
-            expected = (one.highest - last.highest) % SEQ_MODULUS
+            expected = (self.sent.sent_between(name, last.highest, one.highest) if self.is_shared else
+                        (one.highest - last.highest) % SEQ_MODULUS)
             found.append(Arrivals(name, expected, min(expected, one.received - last.received)))
         return found
 

@@ -7,8 +7,9 @@
 
 All have the same length, so that the answer to one is never longer than what caused it.
 
-A datagram of a topic whose op has the bit COPY is a copy of one that goes by another path. It has a counter of its own,
-and says nothing about where its sender wants to be reached.
+A datagram of a topic whose op has the bit COPY is a copy of one that goes by another path. One with the bit SECOND goes
+by the receiver's second path, while others go by its first one. Both say nothing about where their sender wants to be
+reached.
 """
 import enum
 
@@ -27,8 +28,8 @@ SIZE = HEADER.size + CHALLENGE_SIZE
 """Size of the datagram of each of the core's own messages [byte]."""
 
 
-COPY = 0x80
-"""The bit of the op, which ROS does not use."""
+COPY, SECOND = 0x80, 0x40
+"""Bits of the op, which ROS does not use."""
 
 _OP = 4
 """Where the op is in a datagram."""
@@ -50,21 +51,21 @@ def message(kind: Control, body: bytes = bytes(CHALLENGE_SIZE)) -> bytes:
     return HEADER.pack(kind, Op.DATA0, 0, 1) + body
 
 
-def copies(datagrams: UInt8Array) -> BoolArray:
-    """Which datagrams are copies: (n,) bool for (n, slot) uint8."""
-    found: BoolArray = datagrams[:, _OP] & COPY != 0
+def marked(datagrams: UInt8Array, bits: int) -> BoolArray:
+    """Which datagrams have one of some bits: (n,) bool for (n, slot) uint8."""
+    found: BoolArray = datagrams[:, _OP] & bits != 0
     return found
 
 
-def as_copies(datagrams: UInt8Array) -> UInt8Array:
-    """Datagrams with the bit COPY, (n, size) uint8."""
-    marked = datagrams.copy()
-    marked[:, _OP] |= COPY
-    return marked
+def with_mark(datagrams: UInt8Array, bit: int) -> UInt8Array:
+    """Datagrams with a bit, (n, size) uint8."""
+    made = datagrams.copy()
+    made[:, _OP] |= bit
+    return made
 
 
-def as_originals(datagrams: UInt8Array) -> UInt8Array:
-    """Datagrams without the bit COPY, (n, size) uint8."""
-    unmarked = datagrams.copy()
-    unmarked[:, _OP] &= ~COPY & 0xff
-    return unmarked
+def without_marks(datagrams: UInt8Array) -> UInt8Array:
+    """Datagrams without the bits, (n, size) uint8."""
+    made = datagrams.copy()
+    made[:, _OP] &= ~(COPY | SECOND) & 0xff
+    return made

@@ -4,8 +4,8 @@
 Pure: packets and the time go in, packets, deliveries and events come out. One thread calls a core; a Peer seals in any.
 
 * A packet that is not taken is counted by reason in `dropped`, and changes nothing else.
-* Where a probe (PATH_CHALLENGE, PATH_RESPONSE) or a copy comes from says nothing about where its sender wants to be
-  reached (RFC 9000, 9.1).
+* Where a probe (PATH_CHALLENGE, PATH_RESPONSE), a copy, or what goes by a second path comes from says nothing about
+  where its sender wants to be reached (RFC 9000, 9.1).
 * The DATA of a batch is opened session by session. An index that names no session costs no more than its count.
 * New keys replace the old ones after the first packet under the new ones; the old ones are taken OLD_KEYS longer.
 * Each side sends something at least each 2 KEEP_ALIVE: a message of its own where nothing else was sent meanwhile.
@@ -20,7 +20,7 @@ import numpy as np
 
 from ..arrays import BoolArray, IntArray, Records, UInt8Array
 from ..udpros.datagram import HEADER
-from .control import FIRST_TABLE_ID, SIZE, Control, copies, message
+from .control import COPY, FIRST_TABLE_ID, SECOND, SIZE, Control, marked, message
 from .cookie import Place
 from .packets import INSTANCE_SIZE, MIN_BODY, OVERHEAD, Kind, Malformed, Packet, parse
 from .peer import Address, Delivery, Event, Left, Peer, address_of
@@ -175,7 +175,11 @@ class LinkCore(abc.ABC):
         assert peer is not None     # confirmed
         peer.heard = now
         numbers = opened.datagrams[:, :4].copy().view('<u4')[:, 0]
-        aside = (numbers == Control.PATH_CHALLENGE) | (numbers == Control.PATH_RESPONSE) | copies(opened.datagrams)
+        second = marked(opened.datagrams, SECOND)
+        if second.any():
+            self._on_shared(peer, place_of(sources, int(opened.rows[second][-1])), now)
+        aside = ((numbers == Control.PATH_CHALLENGE) | (numbers == Control.PATH_RESPONSE)
+                 | second | marked(opened.datagrams, COPY))
         if not aside.all():
             self._on_carried(peer, now)
         if opened.newest >= 0 and not aside[opened.rows == opened.newest].any():
@@ -290,11 +294,14 @@ class LinkCore(abc.ABC):
         """Authentic DATA of a session came; returns whether it has a peer now."""
 
     def _on_carried(self, peer: Peer, now: float) -> None:   # noqa: B027
-        """Something other than probes and copies came from a peer; the robot's side does not mind."""
+        """Something other than probes and copies came by a peer's first path; the robot's side does not mind."""
+
+    def _on_shared(self, peer: Peer, source: Place, now: float) -> None:   # noqa: B027
+        """Something came from there that a peer sends by a second path; the robot's side does not mind."""
 
     @abc.abstractmethod
     def _on_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
-        """The newest packet of a peer, of `size` bytes, neither a probe nor a copy, came from there: its address, or
+        """The newest packet of a peer's first path, of `size` bytes and no probe, came from there: its address, or
         another one."""
 
     @abc.abstractmethod

@@ -413,6 +413,11 @@ class OperatorCore(LinkCore):
         if self._paths is not None:
             self._paths.carried(now)
 
+    def _on_shared(self, peer: Peer, source: Place, now: float) -> None:
+        """Rule 10."""
+        if self._paths is not None:
+            self._paths.shared(source, now)
+
     def _on_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
         """The robot has several addresses, or is behind a NAT: the one that was configured stays."""
 

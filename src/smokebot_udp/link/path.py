@@ -39,6 +39,8 @@ class PathCheck:
         self.place, self.challenge = place, challenge
         self.proved = -math.inf
         """When it proved itself [s]."""
+        self.left = -math.inf
+        """When the peer chose another one [s]."""
         self.proposed = False
         """Whether the peer wants to be reached there."""
         self.probed = -math.inf

@@ -4,6 +4,7 @@
 A Peer is one run (instance) of the other side's process. It outlives sessions and addresses: new keys and a new address
 change it in place. Another run is another Peer, with a higher number.
 """
+import math
 from dataclasses import dataclass
 from typing import Optional, Tuple, Union
 
@@ -48,6 +49,8 @@ class Peer:
         """Where packets for it go: IPv4 address and port, as numbers."""
         self.second: Optional[Place] = None
         """Another place where it receives now; None: none is known."""
+        self.second_heard = self.second_used = -math.inf
+        """When it was heard from there, and when something but copies went there [s]."""
         self.heard = now
         """When its latest authentic packet came [s]."""
         self.handshakes = 1

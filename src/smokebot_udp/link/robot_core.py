@@ -16,7 +16,7 @@ Rules, in the order in which a stranger meets them; each has its tests in test_r
 8. A peer whose newest packet, other than a probe, comes from another address is challenged there (path.py), and has
    moved when it answers before it has left that address again. Probes are answered where they come from, and a peer
    is challenged there, too: it is followed at once to an address that it has proved. MAX_PATHS are remembered. One
-    that is proved and from which probes come gets copies.
+    that is proved, and from which probes come that were sent after it was left, is the second path.
 9. Names are unique, since what operators report and get goes by name: a later peer of a name gets ' #2' after it.
 10. A peer is forgotten after 60 s of silence, at its CLOSE, or when a later one of its name is there and it is silent
     for REPLACED. When another one needs its place, it is forgotten if it is silent for YIELDS.
@@ -236,8 +236,9 @@ class RobotCore(LinkCore):
                 self._leave(peer, 'replaced by a later one of its name')
         self._checks = {peer.number: self._checks[peer.number] for peer in self._peers if peer.number in self._checks}
         for peer in self._peers:
-            peer.second = next((check.place for check in self._checks_of(peer) if check.place != peer.place
-                                and check.holds(now) and now - check.probed < ALIVE), None)
+            second = next((check for check in self._checks_of(peer) if check.place != peer.place and check.holds(now)
+                           and now - check.probed < ALIVE and check.probed > check.left), None)
+            peer.second, peer.second_heard = (None, now) if second is None else (second.place, second.probed)
 
     def _check(self, peer: Peer, place: Place) -> PathCheck:
         """The check of a peer's other address."""
@@ -290,7 +291,8 @@ class RobotCore(LinkCore):
     def _move(self, peer: Peer, place: Place, now: float) -> None:
         """Its address before is proved as well."""
         if peer.place != place:
-            self._check(peer, peer.place).proved = now
+            before = self._check(peer, peer.place)
+            before.proved = before.left = now
             self._check(peer, place).proposed = False
             peer.place = place
             self._events.append(Moved(peer, peer.address))

@@ -20,8 +20,8 @@ MAX_PATHS = 4
 """Addresses of one robot, and of one operator that are remembered."""
 
 PROBE, USED_PROBE, IDLE_PROBE = 0.05, 0.1, 0.25
-"""Between two probes of one path: where the used one is in doubt, of the used one, of the others. A probe and its
-answer have 76 bytes each with their headers: 6 and 2.4 kbit/s each way [s]."""
+"""Between two probes of one path: where the used one is in doubt, of those that carry something, of the others. A
+probe and its answer have 76 bytes each with their headers: 6 and 2.4 kbit/s each way [s]."""
 
 DOUBT, SILENCE = 0.1, 0.15
 """A robot sends something each 0.1 s, and most send more [s]."""
@@ -34,6 +34,9 @@ MEMORY, STEADY = 12, 9
 
 ALIVE = 1.0
 """A path whose other end was heard this lately is worth a copy: nothing else is lost where it is not [s]."""
+
+SHARED_FOR = 1.0
+"""How long a path counts as shared after something came [s]."""
 
 STAY = 1.0
 """Before a preferred path is used again the present one is used for this long: two may become steady at once [s]."""
@@ -65,6 +68,8 @@ class Path:
         """When it was last known to carry both ways, or became known [s]."""
         self.round_trip: Optional[float] = None
         """Round-trip time of the latest probe that was answered [s]."""
+        self.shared = -math.inf
+        """When something came that the robot sends beside the path that is used [s]."""
         self.probed = -math.inf
         """When it was asked [s]."""
         self._left = -math.inf      # when another path was used in its place
@@ -83,6 +88,10 @@ class Path:
                 self.answered, self.round_trip = now, now - probe.sent
                 return True
         return False
+
+    def is_shared(self, now: float) -> bool:
+        """Whether the robot sends a part by this path, beside the one that is used."""
+        return now - self.shared < SHARED_FOR
 
     def is_steady(self) -> bool:
         """Whether STEADY of the last MEMORY probes were answered, all of them sent since the path was left."""
@@ -117,8 +126,15 @@ class RobotPaths:
         return next((path.place for path in self.paths if path is not self._used and now - path.answered < ALIVE), None)
 
     def carried(self, now: float) -> None:
-        """Something other than probes and copies came."""
+        """Something other than probes and copies came by the used path."""
         self._carried = now
+
+    def shared(self, source: Place, now: float) -> None:
+        """Something came that the robot sends by another path, whose address is known if the robot is not behind a
+        NAT."""
+        others = [path for path in self.paths if path is not self._used]
+        path = next((path for path in others if path.place == source), others[0])
+        path.shared = now
 
     def _unanswered_since(self) -> float:
         """Since when no probe of the used path is answered [s]."""
@@ -134,7 +150,7 @@ class RobotPaths:
     def _period(self, path: Path, now: float) -> float:
         if self._is_doubtful(now):
             return PROBE
-        return USED_PROBE if path is self._used else IDLE_PROBE
+        return USED_PROBE if path is self._used or path.is_shared(now) else IDLE_PROBE
 
     def due(self, now: float) -> List[Path]:
         """The paths that are to be asked now."""

@@ -5,7 +5,7 @@ import threading
 import time
 import traceback
 from types import MappingProxyType
-from typing import Any, Callable, Dict, List, Mapping, Optional, Sequence, Union
+from typing import Any, Callable, Collection, Dict, List, Mapping, Optional, Sequence, Union
 
 import numpy as np
 
@@ -20,7 +20,7 @@ from ..udpros.endpoints import BatchSender
 from ..udpros.frame import Frame, first_messages
 from ..udpros.packetizer import Limit, Packetizer
 from ..udpros.records import has_header, record_dtype
-from .control import as_copies, as_originals, copies
+from .control import COPY, SECOND, marked, with_mark, without_marks
 from .packets import OVERHEAD
 from .peer import Peer, address_of
 from .tables import Topic
@@ -45,6 +45,8 @@ class PeerSender:
     """
 
     def __init__(self, peer: Peer, sender: BatchSender, copied: bool = False) -> None:
+        self.by_second = False
+        """Whether what follows goes by the peer's second path, where it has one."""
         self._peer, self._sender = peer, sender
         self._copies = Budget(COPIES if copied else 0, COPY_PERIOD)
 
@@ -55,26 +57,30 @@ class PeerSender:
 
     def send_one(self, *parts: Union[Buffer, UInt8Array]) -> int:
         """See packetizer.Sender."""
-        datagram = b''.join(map(bytes, parts))
-        self._copy(np.frombuffer(datagram, np.uint8)[np.newaxis])
-        return self._sender.send_one(self._peer.seal_one(datagram), to=self._peer.address)
+        return self._send(np.frombuffer(b''.join(map(bytes, parts)), np.uint8)[np.newaxis])
 
     def send(self, datagrams: Union[Buffer, UInt8Array], size: int, count: int) -> int:
         """See packetizer.Sender."""
         data: UInt8Array = np.frombuffer(datagrams, np.uint8)
         whole = len(data) // size
-        datagrams = data[:whole * size].reshape(whole, size)
-        self._copy(datagrams)
+        sent, rest = self._send(data[:whole * size].reshape(whole, size)), data[whole * size:]
+        return sent + self._send(rest[np.newaxis]) if len(rest) else sent
+
+    def _send(self, datagrams: UInt8Array) -> int:
+        """Send datagrams of one length, (n, size) uint8."""
+        place, second = self._peer.place, self._peer.second
+        if self.by_second and second is not None:
+            place, datagrams, self._peer.second_used = second, with_mark(datagrams, SECOND), time.monotonic()
+        else:
+            self._copy(datagrams)
         sealed = self._peer.seal(datagrams)
-        sent = self._sender.send(sealed, sealed.shape[1], whole, to=self._peer.address)
-        rest = data[whole * size:]
-        return sent + self.send_one(rest.tobytes()) if len(rest) else sent
+        return self._sender.send(sealed, sealed.shape[1], len(sealed), to=address_of(place))
 
     def _copy(self, datagrams: UInt8Array) -> None:
         """Send copies by the second path. They are sealed first: the newest packet says where this side is."""
         second = self._peer.second
         if second is not None and self._copies.take(time.monotonic()):
-            sealed = self._peer.seal(as_copies(datagrams))
+            sealed = self._peer.seal(with_mark(datagrams, COPY))
             self._sender.send(sealed, sealed.shape[1], len(sealed), to=address_of(second))
 
 
@@ -90,6 +96,14 @@ class Outgoing:
     def follow(self, max_datagram_size: int, tos: int) -> None:
         """Send like this from now on."""
         self.packetizer.max_datagram_size, self._socket.tos = max_datagram_size, tos
+
+    def send_frame(self, frame: Frame, by_second: bool) -> None:
+        """Send all messages of a frame, numbered as they are, by the first path or the second one."""
+        self._sender.by_second = by_second
+        try:
+            self.packetizer.send_frame(frame)
+        finally:
+            self._sender.by_second = False
 
     def stats(self) -> Dict[str, Any]:
         """As of udpros.Publisher.connections."""
@@ -135,7 +149,8 @@ class Publisher:
             for connection in self._connections if only is None else (only,):
                 connection.packetizer.send_message(data)
 
-    def publish_frames(self, *frames: Frame, limits: Mapping[str, int] = MappingProxyType({})) -> int:
+    def publish_frames(self, *frames: Frame, limits: Mapping[str, int] = MappingProxyType({}),
+                       second: Collection[str] = ()) -> int:
         """See transport.Publisher."""
         for frame in frames:
             self._check(frame.message_class)
@@ -146,7 +161,7 @@ class Publisher:
                 self._seq += len(frame)
             for connection in self._connections:
                 for frame in first_messages(frames, limits.get(connection.peer.name)):
-                    connection.packetizer.send_frame(frame)
+                    connection.send_frame(frame, connection.peer.name in second)
         return first
 
     def publish_to(self, peer: str, frame: Frame) -> None:
@@ -288,16 +303,17 @@ class Incoming:
     def take(self, datagrams: UInt8Array, lengths: IntArray, arrivals: Arrivals, now: float) -> None:
         """Take datagrams of the topic that arrived together, see Depacketizer.take."""
         self._recent += len(lengths)
-        second = copies(datagrams)
-        if not second.any():
+        if not marked(datagrams, COPY | SECOND).any():
             take(self._depacketizer, datagrams, lengths, arrivals, now)
             return
-        if self._copies is None:
+        copies, second = marked(datagrams, COPY), marked(datagrams, SECOND)
+        datagrams = without_marks(datagrams)
+        if copies.any() and self._copies is None:
             self._copies = self._subscriber.copies(self)
-        take(self._copies, as_originals(datagrams[second]), lengths[second], arrivals, now)
-        if not second.all():
-            rows = np.flatnonzero(~second)
-            take(self._depacketizer, datagrams[rows], lengths[rows], arrivals.part(rows), now)
+        for rows, depacketizer, path in ((copies, self._copies, 0), (~copies & ~second, self._depacketizer, 0),
+                                         (~copies & second, self._depacketizer, 1)):
+            if depacketizer is not None and rows.any():
+                take(depacketizer, datagrams[rows], lengths[rows], arrivals.part(np.flatnonzero(rows)), now, path)
 
     @property
     def wants_batches(self) -> bool:
@@ -340,8 +356,10 @@ class Incoming:
                 'receive_buffer': None, 'kernel_drops': self.kernel_drops}
 
 
-def take(depacketizer: Depacketizer, datagrams: UInt8Array, lengths: IntArray, arrivals: Arrivals, now: float) -> None:
+def take(depacketizer: Depacketizer, datagrams: UInt8Array, lengths: IntArray, arrivals: Arrivals, now: float,
+         path: int = 0) -> None:
     """Hand datagrams of one connection to its depacketizer, and deliver the messages."""
+    arrivals = arrivals._replace(path=path)
     first = depacketizer.take_singles(datagrams, lengths, lambda row: True, arrivals, now)
     if first < len(lengths):
         depacketizer.take(datagrams[first:], lengths[first:], np.ones(len(lengths) - first, bool),

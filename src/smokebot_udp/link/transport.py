@@ -15,6 +15,7 @@ import rospy
 
 from .. import traffic
 from ..budget import Budget
+from ..paths import PathUse
 from ..transport import PathStats, PeerStats, TransportStats, always
 from ..udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from ..udpros.depacketizer import Arrivals, Arrived, BatchCallback
@@ -30,6 +31,7 @@ from .peer import Address, Delivery, Event, Joined, Left, Moved, Peer, Refused, 
 from .peer_topics import KINDS, PeerTopics
 from .resolver import Resolver
 from .robot_core import RobotCore
+from .robot_paths import SHARED_FOR
 from .tables import Local, Role, Topic
 from .topics import Publisher, Subscriber
 
@@ -163,16 +165,25 @@ class LinkTransport:
         """See transport.Transport: a difference to each peer."""
         return '; '.join(self._differences) or None
 
-    def hosts(self) -> Mapping[str, str]:
-        """See transport.Transport."""
-        return {topics.peer.name: topics.peer.address[0] for topics in self._peers.values()}
+    def paths(self, now: float) -> Mapping[str, Sequence[PathUse]]:
+        """See transport.Transport. A host is a path: behind a NAT its port may change."""
+        found: Dict[str, Sequence[PathUse]] = {}
+        for topics in self._peers.values():
+            peer, second = topics.peer, topics.peer.second
+            found[peer.name] = [PathUse(peer.address[0])]
+            if second is not None:
+                address = address_of(second)
+                key = address if address[0] == peer.address[0] else address[0]
+                found[peer.name] = [*found[peer.name], PathUse(key, now - peer.second_heard)]
+        return found
 
     def stats(self, now: float) -> Optional[TransportStats]:
         """See transport.Transport."""
         peers = [topics.peer for topics in self._peers.values()]
         return TransportStats(
             [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip, self._paths(peer, now),
-                       None if peer.second is None else address_of(peer.second)) for peer in peers],
+                       None if peer.second is None else address_of(peer.second), now - peer.second_used < SHARED_FOR)
+             for peer in peers],
             self._handshakes + sum(peer.handshakes for peer in peers), self.dropped(), self.problem(), self.remarks)
 
     def _paths(self, peer: Peer, now: float) -> Sequence[PathStats]:
@@ -375,7 +386,8 @@ class OperatorTransport(LinkTransport):
 
     def _paths(self, peer: Peer, now: float) -> Sequence[PathStats]:
         """See LinkTransport."""
-        return [PathStats(address_of(path.place), path.place == peer.place, now - path.answered, path.round_trip)
+        return [PathStats(address_of(path.place), path.place == peer.place, path.is_shared(now), now - path.answered,
+                          path.round_trip)
                 for path in self._operator.paths]
 
     def poll(self, now: float) -> float:

@@ -3,7 +3,7 @@
 import re
 from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
 
-from ..transport import PeerStats, TransportStats
+from ..transport import PathStats, PeerStats, TransportStats
 from ..units import MBIT
 from .clock_offset import ClockEstimate
 from .stats import LinkStats
@@ -11,7 +11,7 @@ from .status import ERROR, OK, WARN, Kind, Status, Verdict, by_reason, scaled
 from .windows import Growths
 
 PEER = re.compile(r'(?P<name>\S+) at (?P<host>[^\s:]+):(?P<port>\d{1,5})'
-                  r'(?: \((?P<unused>not used|commands only)?(?:, )?(?:silent(?: for \d+ s)?)?(?:, )?'
+                  r'(?: \((?P<unused>not used|commands only|beside)?(?:, )?(?:silent(?: for \d+ s)?)?(?:, )?'
                   r'(?:round trip (?P<round_trip>\d{1,9}) ms)?\))?', re.ASCII)
 """A peer in words, as `_peer` makes it."""
 
@@ -99,13 +99,13 @@ def transport_status(stats: TransportStats) -> Status:
 
 def _peer(peer: PeerStats) -> List[str]:
     """A peer in words, and its other addresses: only what is known of them."""
-    others: Dict[Tuple[str, int], Tuple[float, Optional[float]]] = {
-        path.address: (path.silence, path.round_trip) for path in peer.paths if not path.is_used}
+    others = {path.address: path for path in peer.paths if not path.is_used}
     if peer.second is not None:
-        others.setdefault(peer.second, (0.0, None))
+        others.setdefault(peer.second, PathStats(peer.second, False, peer.is_shared, 0.0, None))
     return [_reached(peer.name, peer.address, peer.silence, peer.round_trip, '')] + [
-        _reached(peer.name, address, *known, 'commands only' if address == peer.second else 'not used')
-        for address, known in others.items()]
+        _reached(peer.name, path.address, path.silence, path.round_trip,
+                 'beside' if path.is_shared else 'commands only' if path.address == peer.second else 'not used')
+        for path in others.values()]
 
 
 def _reached(name: str, address: Tuple[str, int], silence: float, round_trip: Optional[float], use: str) -> str:

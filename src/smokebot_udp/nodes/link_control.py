@@ -12,15 +12,16 @@ from typing import Any, Callable, Dict, List, Mapping
 
 import rospy
 
-from ..congestion.controller import NO_LIMITS, Controller, Demand, Plan
+from ..congestion.controller import Controller, Demand, Plan
 from ..congestion.estimator import REPORT_INTERVAL
 from ..congestion.packet_scheduler import PacketScheduler
 from ..monitoring.stats import LinkStats
 from ..monitoring.wifi import WifiState
 from ..msg import LinkReport, LinkStatus, WifiStatus
+from ..paths import STRAIGHT, Route
 from ..streams.outlook import Outlook, Rooms, StreamLosses
 from ..units import MBIT
-from .link_reporter import TOPIC
+from .link_reporter import TOPIC, path_of
 from .logging import log_error
 from .opened import Part
 from .outbox import Departed
@@ -52,17 +53,17 @@ class SharedController:
     def __exit__(self, *_: Any) -> None:
         self._lock.release()
 
-    def conforming(self, stream: str, count: int, size: int, now: float, start: int, total: int) -> Mapping[str, int]:
-        """As Controller.conforming, for the outbox."""
+    def route(self, stream: str, count: int, size: int, now: float, start: int = 0, total: int = 1,
+              urgent: bool = False, whole: bool = False) -> Route:
+        """As Controller.route, for the outbox."""
         with self as controller:
-            return controller.conforming(stream, count, size, now, start, total)
+            return controller.route(stream, count, size, now, start, total, urgent, whole)
 
-    def on_sent(self, stream: str, seq: int, count: int, size: int, now: float,
-                limits: Mapping[str, int] = NO_LIMITS) -> None:
+    def on_sent(self, stream: str, seq: int, count: int, size: int, now: float, route: Route = STRAIGHT) -> None:
         """As Controller.on_sent, for the outbox."""
         with self as controller:
-            controller.on_sent(stream, seq, count, size, now, limits)
-        self.sent(stream, seq, count, size, now, limits)
+            controller.on_sent(stream, seq, count, size, now, route)
+        self.sent(stream, seq, count, size, now, route)
 
     def on_sent_besides(self, size: int) -> None:
         """As Controller.on_sent_besides, for the outbox."""
@@ -115,11 +116,12 @@ class LinkControl(Part):
 
     def _on_report(self, report: Any) -> None:
         """Take a report; the transport's thread."""
-        now = time.monotonic()
+        now, path = time.monotonic(), path_of(report)
         with self._controller as controller:
             header = report._connection_header      # one object for each connection
-            train = controller.on_report(header['callerid'], report, now, id(header))
-        self._paths.reported(header['callerid'], report, now)
+            train = controller.on_report(header['callerid'], report, now, id(header), path)
+        if not path:
+            self._paths.reported(header['callerid'], report, now)
         self._reported(header['callerid'], report.header.seq)
 
         def follow(scheduler: PacketScheduler) -> None:
@@ -137,7 +139,7 @@ class LinkControl(Part):
         self._count_operators()
         self._paths.tick(now)
         with self._controller as controller:
-            controller.on_paths(self._link.transport.hosts(), now)
+            controller.on_paths(self._link.transport.paths(now), now)
             plan = controller.tick(now, {name: demand for name, demand in demands.items() if demand is not None},
                                    self._link.outbox.protected)
             stats = dataclasses.replace(controller.stats(now), longest=self._paths.hole)

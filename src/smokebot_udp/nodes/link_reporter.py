@@ -17,6 +17,9 @@ from .worker import PeriodicWorker
 TOPIC = '/smokebot_udp/link/report'
 """Topic of the reports, on the wire."""
 
+SECOND = '#2'
+"""After the names of all streams in a report about an operator's second path."""
+
 
 def as_message(report: Report) -> LinkReport:
     """The LinkReport message of a report."""
@@ -26,30 +29,40 @@ def as_message(report: Report) -> LinkReport:
         marks=[ArrivalMark(mark.stream, mark.seq, mark.age) for mark in report.marks])
 
 
+def path_of(report: LinkReport) -> int:
+    """Index of the path that a report is about; its streams' names lose what says so."""
+    path = int(any(one.name.endswith(SECOND) for one in report.streams))
+    for one in report.streams if path else ():
+        one.name = one.name[:-len(SECOND)] if one.name.endswith(SECOND) else ''
+    return path
+
+
 class LinkReporter(Part):
-    """Counts what the streams' subscribers receive, and reports it."""
+    """Counts what the streams' subscribers receive, and reports it, by path."""
 
     def __init__(self, transport: Transport) -> None:
         super().__init__()
-        self._history = ReceiveHistory(lambda: int.from_bytes(os.urandom(4), 'little'))
+        self._histories = [ReceiveHistory(lambda: int.from_bytes(os.urandom(4), 'little')) for _ in range(2)]
         self._lock = threading.Lock()
         self._publisher = self._opened.topic(transport.publisher(TOPIC, LinkReport, queue_size=1, tos=EXPEDITED))
         self._opened.started(PeriodicWorker(
             'link reports', self._report, log_error('link reports to the robot'), REPORT_INTERVAL))
 
     def arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float,
-                marked: int) -> None:
+                marked: int, path: int = 0) -> None:
         """Record datagrams of a stream; any thread, see Transport.subscriber.
 
         :param number: of the connection
         """
         with self._lock:
-            self._history.add(stream, seq, size, when, count, number, marked)
+            self._histories[path].add(stream + SECOND * path, seq, size, when, count, number, marked)
 
     def _report(self) -> None:
         with self._lock:
-            report = self._history.report(time.monotonic())
-        self._publisher.publish(as_message(report))
+            first, second = (history.report(time.monotonic()) for history in self._histories)
+        self._publisher.publish(as_message(first))
+        if second.marks:
+            self._publisher.publish(as_message(second))
 
     def hosts(self) -> List[str]:
         """The hosts that get the reports: the robot's."""

@@ -100,9 +100,10 @@ class OperatorReceiver:
                                          parameters['focus_timeout'], problems))
         reliable.start()
 
-    def _arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float, marked: int) -> None:
+    def _arrived(self, stream: str, number: int, seq: int, size: int, count: int, when: float, marked: int,
+                 path: int) -> None:
         """Datagrams of a stream arrived, see udpros.depacketizer.Arrived; any thread."""
-        self._reporter.arrived(stream, number, seq, size, count, when, marked)
+        self._reporter.arrived(stream, number, seq, size, count, when, marked, path)
         self._control.alive(when)
 
     def _start_displays(self, parameters: Parameters, robot: StatusListener, wifi: WifiMonitor) -> None:

@@ -3,11 +3,12 @@
 import math
 import threading
 import time
-from typing import Any, Callable, Mapping, Optional, Sequence
+from typing import Any, Callable, Optional, Protocol, Sequence
 
 from ..congestion.packet_scheduler import Chunk, PacketScheduler
 from ..congestion.sent_history import stream_of
 from ..monitoring import stages
+from ..paths import STRAIGHT, Route
 from ..streams.relay.contents import size_of
 from ..transport import Publisher
 from ..udpros.datagram import IP_UDP_HEADERS, OVERHEAD
@@ -25,17 +26,26 @@ MAX_WAIT = 0.5
 MAX_WHOLE_WAIT = 2.0
 """Maximum time for which a newer message waits where the one before is useless without all its datagrams [s]."""
 
-Departed = Callable[[str, int, int, int, float, Mapping[str, int]], None]
-"""f(name, seq, count, size, now, limits): `count` datagrams of `size` bytes each as IP packets left.
+Departed = Callable[[str, int, int, int, float, Route], None]
+"""f(name, seq, count, size, now, route): `count` datagrams of `size` bytes each as IP packets left.
 
 * name: of the stream, or of the part of it, in reports
 * seq: of the first one
-* limits: {subscriber that got only the first datagrams: their number}
 """
 
-Conforming = Callable[[str, int, int, float, int, int], Mapping[str, int]]
-"""f(stream, count, size, now, start, total) -> limits as in Departed, for datagrams that leave now: those from `start`
-on of a message that has `total`."""
+
+class Router(Protocol):
+    """Decides who gets which datagrams, and by which path; see Controller.route."""
+
+    def __call__(self, stream: str, count: int, size: int, now: float, start: int = 0, total: int = 1,
+                 urgent: bool = False, whole: bool = False) -> Route:
+        ...
+
+
+def straight(stream: str, count: int, size: int, now: float, start: int = 0, total: int = 1,
+             urgent: bool = False, whole: bool = False) -> Route:
+    """A Router: all get all by their first path."""
+    return STRAIGHT
 
 
 class Outbox:
@@ -44,17 +54,17 @@ class Outbox:
     :param scheduler: decides what leaves when
     :param departed: see Departed; called for all datagrams that left
     :param on_error: f(stream, exception), called where sending fails; the other streams go on
-    :param conforming: see Conforming; called for all datagrams that wait for their turn
+    :param route: called for all datagrams that leave
     :param overhead: of the transport, in each datagram [byte]
     :param besides: f(size [byte]), called with what is charged: no link report names it
     """
 
     def __init__(self, scheduler: Optional[PacketScheduler] = None, departed: Departed = lambda *_: None,
                  on_error: Callable[[str, Exception], None] = lambda *_: None,
-                 conforming: Conforming = lambda *_: {}, overhead: int = 0,
+                 route: Router = straight, overhead: int = 0,
                  besides: Callable[[int], None] = lambda size: None) -> None:
         self._scheduler = scheduler or PacketScheduler()
-        self._departed, self._on_error, self._conforming, self._besides = departed, on_error, conforming, besides
+        self._departed, self._on_error, self._route, self._besides = departed, on_error, route, besides
         self._headers = IP_UDP_HEADERS + overhead
         self.protected = 0
         """What ever left at once [byte of IP packets]."""
@@ -113,12 +123,13 @@ class Outbox:
     def publish(self, stream: str, publisher: Publisher, frame: Frame) -> None:
         """Send a frame at once, before everything that waits."""
         now = time.monotonic()      # before it leaves: it may arrive at once
-        first = publisher.publish_frames(frame)
         size = frame.datagram_size + self._headers
+        route = self._route(stream, len(frame), size, now, urgent=True, whole=True)
+        first = publisher.publish_frames(frame, second=route.second)
         with self._changed:
             self.protected += len(frame) * size
             self._scheduler.charge(len(frame) * size, now)
-            self._departed(stream, first, len(frame), size, now, {})
+            self._departed(stream, first, len(frame), size, now, route)
 
     def charge(self, datagrams: int, size: int) -> None:
         """Count datagrams that were sent besides, at once, and that no link report names: they share the air, too.
@@ -192,12 +203,12 @@ class Outbox:
         name, publisher, frames, stamp, only = chunk.work
         frame = frames[chunk.part].part(chunk.start, chunk.stop)
         now, size = time.monotonic(), frame.datagram_size + self._headers
-        limits = self._conforming(chunk.stream, len(frame), size, now, chunk.start, chunk.total)
+        route = self._route(chunk.stream, len(frame), size, now, chunk.start, chunk.total, chunk.urgent)
         if only is not None:
             others = {connection['peer'] for connection in publisher.connections()} - {only}
-            limits = {**limits, **dict.fromkeys(others, 0)}
-        first = publisher.publish_frames(frame, limits=limits)
-        self._departed(name, first, len(frame), size, now, limits)
+            route = route._replace(limits={**route.limits, **dict.fromkeys(others, 0)})
+        first = publisher.publish_frames(frame, limits=route.limits, second=route.second)
+        self._departed(name, first, len(frame), size, now, route)
         if TRACE.on and stamp:
             if chunk.start == chunk.part == 0:
                 TRACE.mark(chunk.stream, stamp, stages.FIRST_SENT, now)

@@ -8,10 +8,11 @@ longer than what passes nearly everywhere: it is little.
 import contextlib
 import threading
 import time
-from typing import Any, Dict, Mapping, Optional, Tuple
+from typing import Any, Dict, Optional, Tuple
 
 from ..congestion.path_length import ANSWER_BITS, SHORT, SHORT_PROBES, USUAL, PathLength
 from ..msg import PathAnswer, PathProbe
+from ..paths import Route
 from ..transport import Transport
 from ..udpros.datagram import IP_UDP_HEADERS
 from ..udpros.endpoints import path_payload
@@ -42,14 +43,15 @@ class PathMonitor(Part):
         self._publisher = self._opened.topic(transport.publisher(PROBES, PathProbe, whole=True))
         self._opened.topic(transport.subscriber(ANSWERS, PathAnswer, self._answered))
 
-    def sent(self, stream: str, seq: int, count: int, size: int, now: float, limits: Mapping[str, int]) -> None:
+    def sent(self, stream: str, seq: int, count: int, size: int, now: float, route: Route) -> None:
         """Datagrams were sent, see outbox.Departed."""
         with self._lock:
             for operator, path in self._paths.items():
-                path.sent(stream, limits.get(operator, count), size - IP_UDP_HEADERS, now)
+                if operator not in route.second:
+                    path.sent(stream, route.limits.get(operator, count), size - IP_UDP_HEADERS, now)
 
     def reported(self, operator: str, report: Any, now: float) -> None:
-        """An operator's LinkReport came."""
+        """An operator's LinkReport about its first path came."""
         with self._lock:
             if operator in self._paths:
                 self._paths[operator].reported({one.name: one.received for one in report.streams}, now)

@@ -124,7 +124,7 @@ def run_streams(opened: Opened) -> Tuple[Dict[str, RobotStream], Dict[str, Any]]
     shared = SharedController(controller)
     burst = BURST * (size + transport.overhead + IP_UDP_HEADERS)
     scheduler = PacketScheduler(controller.rate(time.monotonic()), burst)
-    outbox = Outbox(scheduler, shared.on_sent, _log, shared.conforming, transport.overhead, shared.on_sent_besides)
+    outbox = Outbox(scheduler, shared.on_sent, _log, shared.route, transport.overhead, shared.on_sent_besides)
     opened.callback(outbox.stop)
     codec = opened.add(CompiledCodec())
     with udpros.registered_together():

@@ -7,6 +7,9 @@ that was sent of it has been received; when what is still missing is no longer e
 (frame_end.py); when a segment of a newer frame is received; or max_wait after its first segment. Segments of a finished
 frame are late, or not needed if it was complete, and change nothing but how long the next frame is waited for.
 
+Where segments come by two paths, or are reordered by one, those of a frame may come after the first one of the next.
+How long after, is learnt from those that did; for as long an incomplete frame stays open beside the next one.
+
 A frame is finished once: what is received later does not bring out a better version of it. Two messages of one stamp
 would look like two images to whoever counts or records them.
 """
@@ -20,7 +23,7 @@ import numpy as np
 
 from ..arrays import BoolArray, IntArray
 from ..frame_names import frame_name
-from .frame_end import FrameEnd
+from .frame_end import LEAST_MARGIN, FrameEnd
 from .recent import MAX_SOURCES
 
 RESTART = 2.0
@@ -30,6 +33,13 @@ starts again [s]."""
 MAX_REORDERING = 0.3
 """Nor is any older stamp where no other segment was accepted for this long: no link reorders by so much. The clock was
 set back by less, or a short recording starts again [s]."""
+
+MAX_OVERLAP = 0.1
+"""A frame stays open beside the next one for this long at most [s]."""
+
+OVERLAP_GAIN = 1 / 8
+"""Weight of a frame whose segments came earlier before the next one, as of frame_end.GAIN. A later one counts at
+once."""
 
 MAX_WAIT = 0.2
 """How long images, clouds and the like are waited for, unless an operator changes max_wait. Encoders that spread a
@@ -81,6 +91,8 @@ class Frame(Generic[Partial]):
     """When the last one so far was received [s]."""
     given_up: float = math.inf
     """When what is missing is no longer expected [s]."""
+    order: int = 0
+    """See FrameAssembler.add."""
 
 
 class FrameAssembler(Generic[Partial]):
@@ -107,6 +119,10 @@ class FrameAssembler(Generic[Partial]):
         self._accepted = -math.inf              # when a segment was accepted last
         self._current: Optional[Frame[Partial]] = None
         self._last: Optional[Frame[Partial]] = None     # the frame in progress, or the last one finished
+        self._before: Optional[Frame[Partial]] = None   # the one before that
+        self._is_open = False       # whether that one still waits
+        self._overlap = 0.0         # how long that is worth while [s]
+        self._seen_overlap = 0.0    # of the one before that [s]
         self._end = FrameEnd()
         self._finished: Deque[Frame[Partial]] = collections.deque()
 
@@ -119,8 +135,13 @@ class FrameAssembler(Generic[Partial]):
         """When `poll` returns a frame next, unless more is added; None: never [s]."""
         if self._finished:
             return -math.inf
-        current = self._current
-        return None if current is None else min(current.began + self.max_wait, current.given_up)
+        waiting = [frame for frame in (self._open, self._current) if frame is not None]
+        return min((min(frame.began + self.max_wait, frame.given_up) for frame in waiting), default=None)
+
+    @property
+    def _open(self) -> Optional[Frame[Partial]]:
+        """The frame before the one in progress, if it still waits."""
+        return self._before if self._is_open else None
 
     def poll(self, now: float) -> Optional[Frame[Partial]]:
         """The oldest finished frame that was not returned before; None if there is none."""
@@ -128,7 +149,10 @@ class FrameAssembler(Generic[Partial]):
         if deadline is None or now < deadline:
             return None
         if not self._finished:
-            self._finish()
+            if self._open is not None and now >= min(self._open.given_up, self._open.began + self.max_wait):
+                self._close()
+            else:
+                self._finish()
         return self._finished.popleft()
 
     def add(self, head: SimpleNamespace, parts: Tuple[Any, ...], now: float, order: Optional[int] = None) -> None:
@@ -142,7 +166,7 @@ class FrameAssembler(Generic[Partial]):
         count, order = len(parts[0]), head.stamp if order is None else order
         older = self._newest is not None and 0 < self._newest - order < RESTART * 1e9
         if older and now - self._accepted <= MAX_REORDERING:
-            self.dropped['late'] += count
+            self._add_older(head, parts, now, order)
         elif order != self._newest:
             self._add_new(head, parts, now, order)
         elif self._last is not None and self._last.head != head:
@@ -164,13 +188,42 @@ class FrameAssembler(Generic[Partial]):
         # only segments that fit start a frame: forged ones must not finish the one in progress
         good = self._fit(content, parts)
         if good.any():
-            if self._current is not None:
-                self._finish()
+            self._leave_open(now)
             self._newest = order
-            self._current = self._last = Frame(head, content, now, now)
+            self._before, self._current = self._last, Frame(head, content, now, now, order=order)
+            self._last = self._current
             self._end.begin()
             self._began(head)
             self._expect(self._current, parts, good, now)
+
+    def _leave_open(self, now: float) -> None:
+        """A new frame begins: the one in progress waits a little longer where that is worth while."""
+        if self._is_open:
+            self._close()
+        self._overlap += OVERLAP_GAIN * min(0.0, self._seen_overlap - self._overlap)
+        self._seen_overlap = 0.0
+        if self._current is not None and self._overlap > LEAST_MARGIN:
+            self._is_open = True
+            self._current.given_up = min(now + self._overlap + LEAST_MARGIN, self._current.began + self.max_wait)
+        elif self._current is not None:
+            self._finish()
+
+    def _add_older(self, head: SimpleNamespace, parts: Tuple[Any, ...], now: float, order: int) -> None:
+        """Segments of an older frame came: they count where it is the one before the last one."""
+        before, last = self._before, self._last
+        if before is None or last is None or before.order != order or before.head != head:
+            self.dropped['late'] += len(parts[0])
+            return
+        lag = now - last.began
+        if not before.content.complete and lag <= MAX_OVERLAP:
+            self._seen_overlap = max(self._seen_overlap, lag)
+            self._overlap = max(self._overlap, lag)
+        if not self._is_open:
+            self.dropped['late'] += len(parts[0])
+        elif self._fit(before.content, parts).any():
+            before.latest = self._accepted = now
+            if before.content.complete:
+                self._close()
 
     def _fit(self, content: Partial, parts: Tuple[Any, ...]) -> BoolArray:
         """Add m segments to a frame; (m,) which of them fit."""
@@ -195,14 +248,25 @@ class FrameAssembler(Generic[Partial]):
             if (places >= 0).any():
                 self._end.add(places[places >= 0], now)
 
+    def _close(self) -> None:
+        """The frame before the last one waits no longer."""
+        assert self._before is not None
+        self._is_open = False
+        self._hand_over(self._before)
+
     def _finish(self) -> None:
         assert self._current is not None
+        if self._is_open:
+            self._close()
         self._surplus = 'not needed' if self._current.content.complete else 'late'
-        self._finished.append(self._current)
+        self._hand_over(self._current)
+        self._current = None
+
+    def _hand_over(self, frame: Frame[Partial]) -> None:
+        self._finished.append(frame)
         while len(self._finished) > self.max_finished:
             self._finished.popleft()
             self.dropped['overtaken frame'] += 1
-        self._current = None
 
 
 class FrameAssemblers(Generic[Partial]):

@@ -23,15 +23,16 @@ EXPECTED = struct.Struct(HEADER.format + LENGTH.format[1:] + 'I')
 
 MIN_MESSAGE_SIZE = EXPECTED.size - OVERHEAD
 
-Arrived = Callable[[int, int, int, int, float, int], None]
-"""f(connection, seq, size, count, when, marked): `count` new messages of a topic whose messages have a header arrived
-together.
+Arrived = Callable[[int, int, int, int, float, int, int], None]
+"""f(connection, seq, size, count, when, marked, path): `count` new messages of a topic whose messages have a header
+arrived together.
 
 * connection: a number that is higher for a later connection of this process
 * seq: the sequence number of one of them, usually the highest
 * size: their total size as IP packets; of messages of many blocks, the size of the messages only [byte]
 * when: when that message reached this machine, by time.monotonic() [s]
 * marked: how many of them a congested queue has marked (ECN)
+* path: by which they came, see Arrivals
 """
 
 BatchCallback = Callable[[Records, BoolArray], None]
@@ -45,10 +46,12 @@ class Arrivals(NamedTuple):
     """f(row): when a row's datagram reached this machine, by time.monotonic() [s]."""
     marked: Callable[[IntArray], int]
     """f(rows): how many of some rows' datagrams a congested queue has marked (ECN)."""
+    path: int = 0
+    """Index of the path by which all of them came, of the two that a transport may have."""
 
     def part(self, rows: IntArray) -> 'Arrivals':
         """Those of some rows of the batch, in the order given."""
-        return Arrivals(lambda row: self.when(int(rows[row])), lambda some: self.marked(rows[some]))
+        return Arrivals(lambda row: self.when(int(rows[row])), lambda some: self.marked(rows[some]), self.path)
 
 
 _numbers = itertools.count()
@@ -145,7 +148,8 @@ class Depacketizer:
         self.bytes += len(datagram)
         self._waiting.append(datagram[OVERHEAD:])
         if self._arrived is not None and self.sequence is not None:
-            self._arrived(seq, len(datagram) + self._headers, 1, arrivals.when(row), arrivals.marked(np.array([row])))
+            self._arrived(seq, len(datagram) + self._headers, 1, arrivals.when(row), arrivals.marked(np.array([row])),
+                          arrivals.path)
         return True
 
     def take(self, datagrams: UInt8Array, lengths: IntArray, trusted: BoolArray, arrivals: Arrivals,
@@ -209,7 +213,7 @@ class Depacketizer:
         rows = rows[new]
         if self._arrived is not None and len(rows):
             self._arrived(int(seqs[new][-1]), int(lengths[rows].sum()) + self._headers * len(rows), len(rows),
-                          arrivals.when(int(rows[-1])), arrivals.marked(rows))
+                          arrivals.when(int(rows[-1])), arrivals.marked(rows), arrivals.path)
         return rows
 
     def _new_messages(self, sequence: SequenceTracker, messages: List[Tuple[int, bytes]], blocks: BoolArray,
@@ -224,7 +228,7 @@ class Depacketizer:
         if self._arrived is not None and messages:
             marked = min(arrivals.marked(np.flatnonzero(blocks)), len(messages))     # as many as are counted
             self._arrived(list(itertools.compress(seqs, new))[-1], sum(len(message) for _, message in messages),
-                          len(messages), arrivals.when(len(blocks) - 1), marked)
+                          len(messages), arrivals.when(len(blocks) - 1), marked, arrivals.path)
         return messages
 
     def _deliver_records(self, datagrams: UInt8Array, lengths: IntArray, rows: BoolArray) -> None:

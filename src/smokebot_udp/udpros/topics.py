@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The classes rospy.Publisher and rospy.Subscriber with UDPROS and options for the transport."""
 from types import MappingProxyType
-from typing import Any, Callable, Dict, List, Mapping, Optional
+from typing import Any, Callable, Collection, Dict, List, Mapping, Optional
 
 import rospy
 from rospy.impl.registration import Registration, get_topic_manager
@@ -92,10 +92,12 @@ class Publisher(rospy.Publisher):
         if self.impl:
             self.impl.options.tos = value
 
-    def publish_frames(self, *frames: Frame, limits: Mapping[str, int] = MappingProxyType({})) -> int:
+    def publish_frames(self, *frames: Frame, limits: Mapping[str, int] = MappingProxyType({}),
+                       second: Collection[str] = ()) -> int:
         """Send all messages of some Frames at once; much cheaper than `publish` for each message.
 
         :param limits: {node name of a UDPROS subscriber: it gets only this number of the first messages}
+        :param second: nobody has a second path
         :return: the first message's sequence number; those of the others follow
         :raises ValueError: if a frame is of another type than the topic
         :raises rospy.ROSException: if the publisher has been unregistered

@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """UDPROS over a shared ROS master as the nodes' transport, see smokebot_udp/transport.py."""
 import collections
-from typing import Any, Callable, Counter, Mapping, Optional
+from typing import Any, Callable, Counter, Mapping, Optional, Sequence
 
 import rospy
 
 from .. import version
+from ..paths import PathUse
 from ..transport import TransportStats, always
 from .datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from .depacketizer import Arrived, BatchCallback
@@ -58,7 +59,7 @@ class UdprosTransport:
         """None: a missing master or peer shows in the statuses of streams and connections."""
         return None
 
-    def hosts(self) -> Mapping[str, str]:
+    def paths(self, now: float) -> Mapping[str, Sequence[PathUse]]:
         """None: a peer with another address is connected anew."""
         return {}
 

@@ -1,0 +1,241 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The paths by which one operator gets what is sent: one, or two at once, which are one link to the plan.
+
+* Each path has an estimate of its own, made of reports of its own: what goes by the other one was never sent on it
+  (operator_share.py). Estimates are remembered by what identifies the path.
+* Capacities and rates add up, and the loss is their mixture by what each carries.
+* What leaves together goes by one path: the one on which it has left first, if each path sends at its rate. So paths
+  that are paced together are used in proportion to their rates, and one image is complete on both at the same time.
+* What shows something by itself, and what is sent at once, goes by the path on which it arrives first.
+* A packet train goes by the path that it is to measure.
+"""
+import math
+from dataclasses import replace
+from typing import Any, List, Optional, Sequence, Tuple
+
+from ..monitoring.windows import Rate
+from ..newest import Newest
+from ..paths import PathUse
+from .estimator import Estimator, Limits, Link
+from .feedback import Feedback, FeedbackReader
+from .sent_history import SentHistory
+from .trains import Train
+
+MAX_ESTIMATES = 4
+"""Paths to one operator whose estimates are remembered."""
+
+SENT_WINDOW = 1.0
+"""Window over which the send rate is measured [s]."""
+
+MAX_LEAD = 0.02
+"""What a path could have sent meanwhile it may send at once, as far as it takes this long [s]."""
+
+SILENCE = 0.35
+"""A second path carries nothing after this time in which neither a probe came from it nor anything that was sent by it
+was reported. Both come each 0.1 s: at 20 % loss three in a row are lost once in 13 s, six never [s]."""
+
+UNKNOWN_DELAY = 0.1
+"""Of a path without reports: what is urgent does not go there [s]."""
+
+
+class _Path:
+    """One path that is used now."""
+
+    def __init__(self, key: Any, reader: FeedbackReader, estimator: Estimator, since: float) -> None:
+        self.key, self.reader, self.estimator = key, reader, estimator
+        self.since = since
+        """What was sent earlier says nothing about it; -inf: all says something [s]."""
+        self.heard = since
+        """When it was known to be alive [s]."""
+        self.busy = -math.inf
+        """Until when what it was given takes at its rate [s]."""
+        self._sent = Rate(SENT_WINDOW)
+
+    def poll(self, now: float) -> None:
+        """See Estimator.poll."""
+        self._sent.read(self.reader.sent.total, now)
+        self.estimator.poll(now, self._sent.per_second or 0.0)
+
+    def read(self, report: Any, now: float) -> Optional[Feedback]:
+        """What a report says about the path; None: nothing, or it is not believed."""
+        feedback = self.reader.read(report, now)
+        if feedback is None:
+            return None
+        if feedback.samples:
+            self.heard = max(self.heard, feedback.samples[-1].sent)
+        if self.since == -math.inf:
+            return feedback
+        samples = [sample for sample in feedback.samples if sample.sent >= self.since]
+        if not samples:
+            return None
+        self.since = -math.inf      # from the next report on all is of this path
+        return feedback._replace(samples=samples, expected=0, received=0, marked=0, arrivals=())
+
+    def leaves(self, size: int, now: float) -> float:
+        """When bytes that are given to it now have left [s]."""
+        return max(self.busy, now - MAX_LEAD) + size / self.estimator.rate
+
+    @property
+    def delay(self) -> float:
+        """One-way delay, as far as paths can be compared by it [s]."""
+        link = self.estimator.link
+        return UNKNOWN_DELAY if math.isnan(link.round_trip) else link.round_trip / 2 + link.queue_delay
+
+
+class Bundle:
+    """The paths to one operator.
+
+    :param history: of what is sent to all operators
+    :param limits: of each path's estimate, and of all together
+    :param now: by a steady clock [s]
+    """
+
+    def __init__(self, history: SentHistory, limits: Limits, now: float) -> None:
+        self._history, self._limits = history, limits
+        self._estimators: Newest[Any, Estimator] = Newest(MAX_ESTIMATES)
+        self._paths = [_Path(None, FeedbackReader(history), Estimator(now, limits), -math.inf)]
+        self._train, self._train_left = 0, 0.0      # the path that is measured, and what of its train has not left
+
+    # -- which paths there are, and what they get -----------------------------------------------------
+
+    def follow(self, used: Sequence[PathUse], now: float) -> None:
+        """Use these paths from now on, one or two; the second one where it is not silent."""
+        used = [used[0], *(one for one in used[1:2] if self._is_alive(one, now))]
+        first, (key, _) = self._paths[0], used[0]
+        if first.key is None:
+            first.key = key
+            self._estimators[key] = first.estimator
+        elif first.key != key:
+            self._paths[0] = _Path(key, first.reader, self._estimate(key, now), now)
+        if [path.key for path in self._paths[1:]] != [one.key for one in used[1:2]]:
+            self._paths[1:] = [_Path(one.key, FeedbackReader(self._history), self._estimate(one.key, now), now)
+                               for one in used[1:2]]
+            self._train_left = 0.0
+        for path, one in zip(self._paths, used):
+            path.heard = max(path.heard, now - one.silence)
+        if len(self._paths) > 1:
+            for path in self._paths:
+                path.reader.is_shared = True
+
+    def _is_alive(self, second: PathUse, now: float) -> bool:
+        heard = max((path.heard for path in self._paths[1:] if path.key == second.key), default=-math.inf)
+        return min(second.silence, now - heard) < SILENCE
+
+    def _estimate(self, key: Any, now: float) -> Estimator:
+        return self._estimators.of(key, lambda: Estimator(now, self._limits))
+
+    def choose(self, size: int, now: float, urgent: bool = False) -> int:
+        """The index of the path by which some bytes leave now.
+
+        :param size: of all of them [byte]
+        :param urgent: whether they are to arrive as early as possible
+        """
+        if len(self._paths) == 1:
+            return 0
+        if self._train_left > 0:
+            return self._train
+        times = [path.leaves(size, now) + (path.delay if urgent else 0.0) for path in self._paths]
+        return times.index(min(times))
+
+    def sent(self, stream: str, seq: int, count: int, number: int, size: int, now: float, chosen: int) -> None:
+        """Datagrams were added to the history.
+
+        :param count: of them
+        :param number: how many of them, the first ones, went to this operator
+        :param size: of each [byte]
+        :param chosen: the path's index
+        """
+        for index, path in enumerate(self._paths):
+            went = number if index == chosen else 0
+            if went < count:
+                path.reader.sent.leave_out(stream, seq + went, count - went, size, now)
+            if went and len(self._paths) > 1:
+                path.busy = path.leaves(went * size, now)
+        self._train_left -= number * size
+
+    # -- what is known of them ------------------------------------------------------------------------
+
+    @property
+    def readers(self) -> List[FeedbackReader]:
+        """Of the reports of each path."""
+        return [path.reader for path in self._paths]
+
+    @property
+    def rate(self) -> float:
+        """What may be sent now, by all paths together [byte/s]."""
+        return min(math.fsum(path.estimator.rate for path in self._paths), self._limits.max_rate)
+
+    @property
+    def capacity(self) -> float:
+        """Of all paths together [byte/s]."""
+        return min(math.fsum(path.estimator.link.capacity for path in self._paths), self._limits.max_rate)
+
+    @property
+    def link(self) -> Link:
+        """All paths together as one link; the round trip is the first one's, the queue the longest."""
+        links = [path.estimator.link for path in self._paths]
+        if len(links) == 1:
+            return links[0]
+        loss = sum(link.loss * link.capacity for link in links) / sum(link.capacity for link in links)
+        return replace(links[0], capacity=self.capacity, loss=loss, queue_delay=max(link.queue_delay for link in links))
+
+    @property
+    def timed_out(self) -> bool:
+        """Whether no path is reported about in time."""
+        return all(path.estimator.timeouts > 0 for path in self._paths)
+
+    @property
+    def has_deep_bucket(self) -> bool:
+        """See Estimator."""
+        return len(self._paths) == 1 and self._paths[0].estimator.has_deep_bucket
+
+    def tokens(self, now: float) -> Tuple[float, float]:
+        """See Estimator; of two paths none are known, as each has its own."""
+        if len(self._paths) > 1:
+            return 0.0, 0.0
+        return self._paths[0].estimator.tokens(self._paths[0].reader.sent.total, now)
+
+    def planned(self, budget: float) -> float:
+        """For what multiple streams are planned now, so that a train has enough to send.
+
+        :param budget: what they are planned for without it [byte/s]
+        """
+        if len(self._paths) == 1:
+            return self._paths[0].estimator.planned(budget, self._paths[0].reader.sent.total)
+        shares = [path.estimator.link.capacity / self.capacity for path in self._paths]
+        return max(1.0, *(share * path.estimator.planned(share * budget, path.reader.sent.total)
+                          for share, path in zip(shares, self._paths)))
+
+    # -- what changes it ------------------------------------------------------------------------------
+
+    def poll(self, now: float, sent: float) -> None:
+        """See Estimator.
+
+        :param sent: lately, at most [byte/s]
+        """
+        if len(self._paths) == 1:
+            self._paths[0].estimator.poll(now, sent)
+            return
+        for path in self._paths:
+            path.poll(now)
+
+    def expect_more(self) -> None:
+        """See Estimator."""
+        for path in self._paths:
+            path.estimator.expect_more()
+
+    def read(self, report: Any, index: int, now: float) -> Optional[Feedback]:
+        """What a report says about one path; None: nothing, or it is not believed."""
+        return self._paths[index].read(report, now) if index < len(self._paths) else None
+
+    def on_feedback(self, index: int, feedback: Feedback, now: float, wanted: float, wished: float) -> Optional[Train]:
+        """See Estimator; what the other path carries is not wanted of this one."""
+        others = self.rate_beside(index)
+        train = self._paths[index].estimator.on_feedback(feedback, now, wanted - others, max(0.0, wished - others))
+        if train is not None:
+            self._train, self._train_left = index, train.size
+        return train
+
+    def rate_beside(self, index: int) -> float:
+        """What the paths but one carry [byte/s]."""
+        return math.fsum(path.estimator.rate for path in self._paths if path is not self._paths[index])

@@ -1,0 +1,26 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""The two paths by which a peer may get what is sent, as transports, the link controller and the outbox know them."""
+from types import MappingProxyType
+from typing import Collection, Hashable, Mapping, NamedTuple
+
+NO_LIMITS: Mapping[str, int] = MappingProxyType({})
+
+
+class PathUse(NamedTuple):
+    """A path by which a peer gets what is sent."""
+    key: Hashable
+    """Equal for the same path."""
+    silence: float = 0.0
+    """Since the peer was heard over it, as far as it has to show that it is alive [s]."""
+
+
+class Route(NamedTuple):
+    """Who gets what of some datagrams that leave together, and by which path."""
+    limits: Mapping[str, int] = NO_LIMITS
+    """{peer: it gets only this number of the first datagrams}; all others get all."""
+    second: Collection[str] = ()
+    """The peers that get them by their second path."""
+
+
+STRAIGHT = Route()
+"""All get all by their first path."""
