@@ -12,7 +12,7 @@ from evaluation.machine import describe
 NAMES = ('codecs', 'clouds', 'fill', 'layered', 'video', 'maps', 'udpros', 'link', 'end_to_end', 'stages')
 PREDICTION = '--prediction'
 """Option of `layered`: measure what predicts images, see prediction.py, instead of images by themselves."""
-ALONE = ('live', 'browser')
+ALONE = ('live', 'browser', 'paths')
 """Run only where they are named: they need root or a browser, or take long. Each takes options of its own."""
 
 

@@ -74,7 +74,8 @@ class Nodes(Method):
         self._trace = trace
         trace.write_bytes(b'')
         stack.variables[VARIABLE] = str(self._trace)
-        stack.start_sender(*arguments)
+        self.sender = stack.start_sender(*arguments)
+        """robot_sender."""
         stack.start_receiver()
         recorder = 'evaluation.live_recorder', str(images)
         self._robot, self._operator = (Listener(stack, side, recorder) for side in ('robot', 'operator'))

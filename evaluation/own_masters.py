@@ -41,6 +41,8 @@ class OwnMasters(Stack):
         folder = self._resources.enter_context(tempfile.TemporaryDirectory())
         self.key_file = os.path.join(folder, 'link.key')
         """Key of both sides."""
+        self.addresses = ROBOT
+        """Of the robot, in order of preference, as operator_receiver's `robot`."""
         make_key(self.key_file)
 
     def environment(self, side: str) -> Dict[str, str]:
@@ -52,13 +54,14 @@ class OwnMasters(Stack):
         return self.start_node('robot', SENDER, '_link_port:=%d' % PORT, '_key_file:=' + self.key_file,
                                *arguments)
 
-    def start_receiver(self, *arguments: str, robot: str = ROBOT, key_file: str = '') -> 'subprocess.Popen[Any]':
+    def start_receiver(self, *arguments: str, robot: str = '', key_file: str = '') -> 'subprocess.Popen[Any]':
         """Start operator_receiver, which joins a robot.
 
+        :param robot: empty: `addresses`
         :param key_file: of that robot; empty: of this one
         """
-        return self.start_node('operator', RECEIVER, '_robot:=' + robot, '_key_file:=' + (key_file or self.key_file),
-                               *arguments)
+        return self.start_node('operator', RECEIVER, '_robot:=' + (robot or self.addresses),
+                               '_key_file:=' + (key_file or self.key_file), *arguments)
 
     def firewalls(self) -> Dict[str, Firewall]:
         """{side: a firewall that passes only the port}, in force from now on."""

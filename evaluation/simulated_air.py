@@ -153,7 +153,7 @@ class Robot:
         if chunk is not None:
             count = chunk.stop - chunk.start
             route = self.controller.route(chunk.stream, count, chunk.size // count, self.robot_time, chunk.start,
-                                          chunk.total, chunk.urgent)
+                                          chunk.total, chunk.waiting)
             self._depart(chunk.stream, chunk.work, chunk.start, chunk.stop, chunk.size // count, route)
         self._wake()
 

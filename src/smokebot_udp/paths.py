@@ -20,6 +20,8 @@ class Route(NamedTuple):
     """{peer: it gets only this number of the first datagrams}; all others get all."""
     second: Collection[str] = ()
     """The peers that get them by their second path."""
+    withheld: float = 0.0
+    """What could have left by other paths meanwhile, and does not, as it would arrive later [byte]."""
 
 
 STRAIGHT = Route()

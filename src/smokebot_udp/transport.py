@@ -13,6 +13,10 @@ from .udpros.depacketizer import Arrived, BatchCallback
 from .udpros.frame import Frame
 
 
+def nothing() -> None:
+    """What is called where nobody has asked to be."""
+
+
 def always() -> bool:
     """True: what is wanted as soon as there is a peer, before it is known what the peer offers."""
     return True
@@ -117,6 +121,9 @@ class Subscriber(Protocol):
 
 class Transport(Protocol):
     """Makes publishers and subscribers of topics on the wire, whose names are absolute."""
+
+    on_moved: Callable[[], None]
+    """Called where the first path of a peer has become another one; any thread, and it must not block."""
 
     @property
     def name(self) -> str:

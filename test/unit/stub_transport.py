@@ -23,7 +23,7 @@ class StubTransport:
 
     def __init__(self, publisher: Callable[..., Any] = lambda *_, **__: SilentTopic(),
                  subscriber: Callable[..., Any] = lambda *_, **__: SilentTopic()) -> None:
-        self.publisher, self.subscriber = publisher, subscriber
+        self.publisher, self.subscriber, self.on_moved = publisher, subscriber, lambda: None
 
     def paths(self, now: float) -> Any:
         return {}

@@ -105,6 +105,52 @@ def test_late_segments_change_nothing() -> None:
     assert +feed.frames.dropped == {'late': 54 + 63, 'not needed': 64}
 
 
+def two_paths(feed: Feed, frames: range, lost: bool = False) -> List[Tuple[int, Tuple[int, int], float]]:
+    """Frames of 0.1 s, a segment each 1.5 ms; each fourth one comes by a slower path, 30 ms later, or is lost.
+
+    :return: [(number of frame, (stamp, segments), when), ...]
+    """
+    events = sorted((0.1 * number + 0.0015 * place + 0.03 * (place % 4 == 3), number, place)
+                    for number in frames for place in range(64) if not (lost and place % 4 == 3))
+    shown = []
+    for now, number, place in events:
+        deadline = feed.frames.deadline()
+        while deadline is not None and deadline <= now:
+            finished = feed.poll(deadline)
+            assert finished is not None
+            shown.append((finished[0] * 10 // S, finished, deadline))
+            deadline = feed.frames.deadline()
+        shown += [(one[0] * 10 // S, one, now) for one in feed(number * S // 10, [place], now)]
+    return shown
+
+
+def test_what_comes_by_a_slower_path_is_waited_for_beside_the_next_frame() -> None:
+    shown = two_paths(Feed(), range(1, 30))
+    assert [number for number, *_ in shown] == list(range(1, 30))
+    assert [count for _, (_, count), _ in shown[4:]] == [64] * 25
+    assert all(when < 0.1 * number + 0.0015 * 64 + 0.031 for number, _, when in shown)
+
+
+def test_lost_segments_are_not_waited_for_beside_the_next_frame_where_none_comes_late() -> None:
+    feed = Feed()
+    two_paths(feed, range(1, 20))
+    shown = two_paths(feed, range(20, 60), lost=True)
+    beyond = [when - 0.1 * (number + 1) for number, (_, count), when in shown if number >= 20]
+    assert beyond[0] == pytest.approx(0.03, abs=0.01) and max(beyond[20:]) < 0.005
+
+
+def test_a_frame_that_is_left_open_is_finished_before_the_next_one() -> None:
+    feed = Feed()
+    two_paths(feed, range(1, 20))
+    feed.frames.poll(9.0)
+    feed(20 * S // 10, range(0, 40, 2), 9.1)
+    assert feed(21 * S // 10, range(10), 9.11) == []
+    assert feed(21 * S // 10, range(10, 64), 9.12) == [(20 * S // 10, 20), (21 * S // 10, 64)]
+    feed(22 * S // 10, range(0, 40, 2), 9.2)
+    assert feed(23 * S // 10, range(10), 9.21) == []
+    assert feed(24 * S // 10, range(10), 9.22) == [(22 * S // 10, 20)]
+
+
 def test_missing_segments_are_waited_for_until_they_are_late() -> None:
     """One every millisecond: each is expected at its own time, also where later ones came."""
     feed = Feed()

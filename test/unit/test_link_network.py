@@ -306,3 +306,37 @@ def test_random_bytes_on_tables_change_nothing(made: Links) -> None:
     wait_for(lambda: robot.dropped()['unknown topic'])
     publisher.publish(String('hello'))
     inbox.wait(lambda: inbox.messages)
+
+
+def test_frames_go_by_two_paths_at_once_and_each_message_is_counted_once(made: Links) -> None:
+    robot, _ = made.robot()
+    relays = [Relay(robot.port), Relay(robot.port)]
+    operator = OperatorTransport([('127.0.0.1', relay.port) for relay in relays], made.key, name='/desk',
+                                 report=lambda _: None, log=lambda _: None)
+    made.made.append(operator)
+    publisher, inbox = robot.publisher(TOPIC, CompressedImage), Inbox()
+    subscriber = operator.subscriber(TOPIC, CompressedImage, batch_callback=inbox.batch, arrived=inbox.arrived)
+    wait_for(publisher.get_num_connections)
+    wait_for(lambda: robot.stats(0.0).peers[0].second is not None)
+    name = robot.stats(0.0).peers[0].name
+    keys = [use.key for use in robot.paths(time.monotonic())[name]]
+    assert len(set(keys)) == 2          # of one host here
+    for second in ((), (name,), (), (name,)):
+        publisher.publish_frames(frame(CompressedImage, 10, 1000), second=second)
+    inbox.wait(lambda: len(inbox.records) == 40)
+    counts = [sum(count for _, _, _, count, _, _, path in inbox.arrivals if path == which) for which in (0, 1)]
+    assert counts == [20, 20] and len(set(inbox.records)) == len(inbox.records)
+    stats, = subscriber.connections()
+    assert (stats['received'], stats['lost']) == (40, 0)
+    assert robot.stats(time.monotonic()).peers[0].is_shared
+    path = [path for path in operator.stats(time.monotonic()).peers[0].paths if path.is_shared]
+    assert [one.address[1] for one in path] == [relays[1].port]
+    relays[1].loss = 1.0                # what goes there is lost, the rest is not
+    for second in ((), (name,)):
+        publisher.publish_frames(frame(CompressedImage, 10, 1000), second=second)
+    publisher.publish_frames(frame(CompressedImage, 10, 1000))
+    inbox.wait(lambda: len(inbox.records) == 60)
+    assert subscriber.connections()[0]['lost'] == 10
+    relays[1].loss = 0.0
+    for relay in relays:
+        relay.close()

@@ -176,7 +176,7 @@ def test_stop_before_the_beginning(make) -> None:
 def test_an_operator_with_a_slower_link_gets_a_part(make) -> None:
     asked, places, told, publisher = [], [], [], Publisher()
 
-    def route(stream, count, size, now, start=0, total=1, urgent=False, whole=False) -> Any:
+    def route(stream, count, size, now, start=0, total=1, waiting=0.0, whole=False) -> Any:
         if whole:
             return STRAIGHT
         asked.append((stream, count, size))

@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from smokebot_udp.link.robot_paths import (
     IDLE_PROBE,
     PROBE,
+    SHARED_FOR,
     SILENCE,
     STEADY,
     UNANSWERED,
@@ -148,3 +149,26 @@ def test_the_second_path_is_the_first_other_one_that_answers() -> None:
     assert world.paths.used == A and world.paths.second(6.0) == B
     world.run(6.0, 8.0)
     assert world.paths.used == B and world.paths.second(8.0) == C
+
+
+def test_a_path_that_carries_a_part_is_asked_as_often_as_the_first_one() -> None:
+    world = World(never, never)
+    world.run(0.0, 3.0)
+    world.paths.shared(B, 3.0)
+    assert [path.place for path in world.paths.paths if path.is_shared(3.5)] == [B]
+    world.probes.clear()
+    world.run(3.0, 3.0 + SHARED_FOR)
+    assert len([place for _, place in world.probes if place == B]) == pytest.approx(SHARED_FOR / USED_PROBE, abs=2)
+    assert not any(path.is_shared(3.0 + SHARED_FOR) for path in world.paths.paths)
+    world.paths.shared((99, 1), 5.0)        # a NAT hides the robot's address: it is the other one all the same
+    assert [path.place for path in world.paths.paths if path.is_shared(5.0)] == [B]
+
+
+def test_what_comes_by_another_path_does_not_keep_a_silent_one() -> None:
+    """Data of the second path go on while the first one is cut."""
+    world = World(never, cut((A, 1.0, 9.0)))
+    for step in range(round(2.0 / STEP)):
+        world.run(step * STEP, (step + 1) * STEP)
+        if world.paths.used == A:
+            world.paths.shared(B, step * STEP)
+    assert world.changes and world.changes[0][0] < 1.0 + SILENCE + 0.1 and world.changes[0][1] == B

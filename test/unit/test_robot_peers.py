@@ -232,6 +232,19 @@ def test_a_proved_address_from_which_probes_come_gets_copies_until_they_end() ->
     assert robot.peers[0].second is None
 
 
+def test_an_address_that_was_left_is_second_when_probes_come_that_were_sent_later() -> None:
+    """It was left as nothing passes there: what came from there before says nothing."""
+    robot, operator = joined()
+    proved(robot, operator, 1.0)
+    give(robot, OPERATOR, probe(operator), now=1.1)
+    give(robot, ELSEWHERE, the_robot(operator).seal_one(data(20)), now=1.2)
+    robot.poll(1.2)
+    assert robot.peers[0].address == ELSEWHERE and robot.peers[0].second is None
+    give(robot, OPERATOR, probe(operator), now=1.3)
+    robot.poll(1.4)
+    assert robot.peers[0].second == place_at(OPERATOR) and robot.peers[0].second_heard == 1.3
+
+
 def test_an_address_without_proof_gets_no_copies() -> None:
     robot, operator = joined()
     for number in range(9):

@@ -5,8 +5,10 @@
   (operator_share.py). Estimates are remembered by what identifies the path.
 * Capacities and rates add up, and the loss is their mixture by what each carries.
 * What leaves together goes by one path: the one on which it has left first, if each path sends at its rate. So paths
-  that are paced together are used in proportion to their rates, and one image is complete on both at the same time.
-* What shows something by itself, and what is sent at once, goes by the path on which it arrives first.
+  that are paced together are used in proportion to their rates.
+* It goes by another path where that one delivers all that waits before this one would deliver it: the end of an image
+  does not wait for a slow path. What is sent at once goes by the path on which it arrives first.
+* What a slow path does not carry therefore is no capacity, and the other one is not paced faster for it.
 * A packet train goes by the path that it is to measure.
 """
 import math
@@ -34,15 +36,28 @@ SILENCE = 0.35
 """A second path carries nothing after this time in which neither a probe came from it nor anything that was sent by it
 was reported. Both come each 0.1 s: at 20 % loss three in a row are lost once in 13 s, six never [s]."""
 
-UNKNOWN_DELAY = 0.1
-"""Of a path without reports: what is urgent does not go there [s]."""
+PERIOD = 0.1
+"""From one image to the next, as most cameras are sent: the slower path carries nothing of it at its end [s]."""
+
+LONG_DATAGRAM = 1472
+"""[byte]"""
+
+
+class _Estimate:
+    """What is remembered of a path."""
+
+    def __init__(self, now: float, limits: Limits) -> None:
+        self.estimator = Estimator(now, limits)
+        self.total: Optional[int] = None
+        """Bytes sent until it was left, as its estimator has counted them; None: it was never used."""
 
 
 class _Path:
     """One path that is used now."""
 
-    def __init__(self, key: Any, reader: FeedbackReader, estimator: Estimator, since: float) -> None:
-        self.key, self.reader, self.estimator = key, reader, estimator
+    def __init__(self, key: Any, reader: FeedbackReader, known: _Estimate, since: float) -> None:
+        self.key, self.reader, self.estimator = key, reader, known.estimator
+        self._shift = 0 if known.total is None else known.total - reader.sent.total
         self.since = since
         """What was sent earlier says nothing about it; -inf: all says something [s]."""
         self.heard = since
@@ -51,9 +66,14 @@ class _Path:
         """Until when what it was given takes at its rate [s]."""
         self._sent = Rate(SENT_WINDOW)
 
+    @property
+    def total(self) -> int:
+        """Bytes sent by it so far: what went by another path while it was not used does not count."""
+        return self.reader.sent.total + self._shift
+
     def poll(self, now: float) -> None:
         """See Estimator.poll."""
-        self._sent.read(self.reader.sent.total, now)
+        self._sent.read(self.total, now)
         self.estimator.poll(now, self._sent.per_second or 0.0)
 
     def read(self, report: Any, now: float) -> Optional[Feedback]:
@@ -61,25 +81,31 @@ class _Path:
         feedback = self.reader.read(report, now)
         if feedback is None:
             return None
-        if feedback.samples:
-            self.heard = max(self.heard, feedback.samples[-1].sent)
+        samples = [sample._replace(total=sample.total + self._shift) for sample in feedback.samples]
+        if samples:
+            self.heard = max(self.heard, samples[-1].sent)
         if self.since == -math.inf:
-            return feedback
-        samples = [sample for sample in feedback.samples if sample.sent >= self.since]
+            return feedback._replace(samples=samples)
+        samples = [sample for sample in samples if sample.sent >= self.since]
         if not samples:
             return None
         self.since = -math.inf      # from the next report on all is of this path
         return feedback._replace(samples=samples, expected=0, received=0, marked=0, arrivals=())
 
-    def leaves(self, size: int, now: float) -> float:
+    def leaves(self, size: float, now: float) -> float:
         """When bytes that are given to it now have left [s]."""
         return max(self.busy, now - MAX_LEAD) + size / self.estimator.rate
 
     @property
-    def delay(self) -> float:
-        """One-way delay, as far as paths can be compared by it [s]."""
-        link = self.estimator.link
-        return UNKNOWN_DELAY if math.isnan(link.round_trip) else link.round_trip / 2 + link.queue_delay
+    def idle_delay(self) -> float:
+        """What a long datagram takes while nothing else is sent, by the receiver's clock; NaN: unknown [s]."""
+        delay = self.estimator.base_delay
+        return math.nan if delay is None else delay + LONG_DATAGRAM / self.estimator.link.capacity
+
+    def delivers(self, size: float, now: float) -> float:
+        """When bytes that are given to it now have arrived, by the receiver's clock; NaN: unknown [s]."""
+        delay = self.estimator.base_delay
+        return math.nan if delay is None else self.leaves(size, now) + delay
 
 
 class Bundle:
@@ -92,8 +118,8 @@ class Bundle:
 
     def __init__(self, history: SentHistory, limits: Limits, now: float) -> None:
         self._history, self._limits = history, limits
-        self._estimators: Newest[Any, Estimator] = Newest(MAX_ESTIMATES)
-        self._paths = [_Path(None, FeedbackReader(history), Estimator(now, limits), -math.inf)]
+        self._known: Newest[Any, _Estimate] = Newest(MAX_ESTIMATES)
+        self._paths = [_Path(None, FeedbackReader(history), _Estimate(now, limits), -math.inf)]
         self._train, self._train_left = 0, 0.0      # the path that is measured, and what of its train has not left
 
     # -- which paths there are, and what they get -----------------------------------------------------
@@ -101,15 +127,15 @@ class Bundle:
     def follow(self, used: Sequence[PathUse], now: float) -> None:
         """Use these paths from now on, one or two; the second one where it is not silent."""
         used = [used[0], *(one for one in used[1:2] if self._is_alive(one, now))]
-        first, (key, _) = self._paths[0], used[0]
+        first = self._paths[0]
         if first.key is None:
-            first.key = key
-            self._estimators[key] = first.estimator
-        elif first.key != key:
-            self._paths[0] = _Path(key, first.reader, self._estimate(key, now), now)
-        if [path.key for path in self._paths[1:]] != [one.key for one in used[1:2]]:
-            self._paths[1:] = [_Path(one.key, FeedbackReader(self._history), self._estimate(one.key, now), now)
-                               for one in used[1:2]]
+            first.key = used[0].key
+            self._known.of(first.key, lambda: _Estimate(now, self._limits)).estimator = first.estimator
+        self._remember()
+        if first.key != used[0].key:
+            self._paths[0] = self._path(used[0].key, first.reader, now)
+        if [path.key for path in self._paths[1:]] != [one.key for one in used[1:]]:
+            self._paths[1:] = [self._path(one.key, FeedbackReader(self._history), now) for one in used[1:]]
             self._train_left = 0.0
         for path, one in zip(self._paths, used):
             path.heard = max(path.heard, now - one.silence)
@@ -121,21 +147,30 @@ class Bundle:
         heard = max((path.heard for path in self._paths[1:] if path.key == second.key), default=-math.inf)
         return min(second.silence, now - heard) < SILENCE
 
-    def _estimate(self, key: Any, now: float) -> Estimator:
-        return self._estimators.of(key, lambda: Estimator(now, self._limits))
+    def _remember(self) -> None:
+        for path in self._paths:
+            if path.key in self._known:
+                self._known[path.key].total = path.total
 
-    def choose(self, size: int, now: float, urgent: bool = False) -> int:
-        """The index of the path by which some bytes leave now.
+    def _path(self, key: Any, reader: FeedbackReader, now: float) -> _Path:
+        return _Path(key, reader, self._known.of(key, lambda: _Estimate(now, self._limits)), now)
+
+    def choose(self, size: int, waiting: float, now: float) -> Tuple[int, float]:
+        """(index of the path by which some bytes leave now, what is withheld from the other one for it [byte]).
 
         :param size: of all of them [byte]
-        :param urgent: whether they are to arrive as early as possible
+        :param waiting: of all that waits, these included [byte]
         """
         if len(self._paths) == 1:
-            return 0
+            return 0, 0.0
         if self._train_left > 0:
-            return self._train
-        times = [path.leaves(size, now) + (path.delay if urgent else 0.0) for path in self._paths]
-        return times.index(min(times))
+            return self._train, 0.0
+        first, second = self._paths
+        by_second = second.leaves(size, now) < first.leaves(size, now)
+        chosen, other = (second, first) if by_second else (first, second)
+        if chosen.delivers(size, now) > other.delivers(waiting, now):
+            return int(not by_second), size * chosen.estimator.rate / other.estimator.rate if waiting > size else 0.0
+        return int(by_second), 0.0
 
     def sent(self, stream: str, seq: int, count: int, number: int, size: int, now: float, chosen: int) -> None:
         """Datagrams were added to the history.
@@ -167,8 +202,14 @@ class Bundle:
 
     @property
     def capacity(self) -> float:
-        """Of all paths together [byte/s]."""
-        return min(math.fsum(path.estimator.link.capacity for path in self._paths), self._limits.max_rate)
+        """Of all paths together, as far as it is useful [byte/s]."""
+        first = self._paths[0].estimator.link.capacity
+        if len(self._paths) == 1:
+            return first
+        second = self._paths[1].estimator.link.capacity
+        behind = self._paths[1].idle_delay - self._paths[0].idle_delay      # NaN: unknown
+        unused = min(abs(behind) / PERIOD, 1.0) if behind == behind else 0.0
+        return min(first + second - unused * (second if behind > 0 else first), self._limits.max_rate)
 
     @property
     def link(self) -> Link:
@@ -193,7 +234,7 @@ class Bundle:
         """See Estimator; of two paths none are known, as each has its own."""
         if len(self._paths) > 1:
             return 0.0, 0.0
-        return self._paths[0].estimator.tokens(self._paths[0].reader.sent.total, now)
+        return self._paths[0].estimator.tokens(self._paths[0].total, now)
 
     def planned(self, budget: float) -> float:
         """For what multiple streams are planned now, so that a train has enough to send.
@@ -201,9 +242,9 @@ class Bundle:
         :param budget: what they are planned for without it [byte/s]
         """
         if len(self._paths) == 1:
-            return self._paths[0].estimator.planned(budget, self._paths[0].reader.sent.total)
+            return self._paths[0].estimator.planned(budget, self._paths[0].total)
         shares = [path.estimator.link.capacity / self.capacity for path in self._paths]
-        return max(1.0, *(share * path.estimator.planned(share * budget, path.reader.sent.total)
+        return max(1.0, *(share * path.estimator.planned(share * budget, path.total)
                           for share, path in zip(shares, self._paths)))
 
     # -- what changes it ------------------------------------------------------------------------------

@@ -126,7 +126,7 @@ class Controller:
         """Called with what each valid report says about each stream."""
 
     def route(self, stream: str, count: int, size: int, now: float, start: int = 0, total: int = 1,
-              urgent: bool = False, whole: bool = False) -> Route:
+              waiting: float = 0.0, whole: bool = False) -> Route:
         """Who gets which of the datagrams that leave together now: operators with slower links get the first ones only.
 
         :param stream: its name
@@ -134,18 +134,22 @@ class Controller:
         :param size: of each on the air, IP and UDP headers included [byte]
         :param start: index in its message of the first datagram
         :param total: datagrams of the message
-        :param urgent: whether they are to arrive as early as possible
+        :param waiting: size of all that waits, as Chunk has it; 0: nothing else does [byte]
         :param whole: whether all operators get all
         """
-        second = tuple(name for name, state in self._operators.items()
-                       if state.paths.choose(count * size, now, urgent))
+        second, withheld = (), 0.0      # type: Tuple[str, ...], float
+        for name, state in self._operators.items():
+            chosen, amount = state.paths.choose(count * size, max(waiting, count * size), now)
+            withheld = max(withheld, amount)
+            if chosen:
+                second += (name,)
         rate = self.rate(now) if self._adapt and not whole and len(self._operators) > 1 else None
         if rate is None:
-            return Route(second=second) if second else STRAIGHT
+            return Route(second=second, withheld=withheld) if second or withheld else STRAIGHT
         numbers = {name: state.policer.conforming(stream, count, size, state.paths.rate, now, start, total)
                    for name, state in self._operators.items() if state.paths.rate < rate
                    and (state.confirmed or now - state.since < JOIN_TIME)}
-        return Route({name: number for name, number in numbers.items() if number < count}, second)
+        return Route({name: number for name, number in numbers.items() if number < count}, second, withheld)
 
     def on_sent(self, stream: str, seq: int, count: int, size: int, now: float, route: Route = STRAIGHT) -> None:
         """Record datagrams that were sent together.

@@ -261,6 +261,12 @@ class Estimator:
         return self._probes.planned(budget, total)
 
     @property
+    def base_delay(self) -> Optional[float]:
+        """The least delay of a short datagram, by the receiver's clock minus the sender's; None: unknown [s]."""
+        base = self._path.delay.base
+        return None if base is None else base.delay - base.size / self.link.capacity
+
+    @property
     def depth(self) -> float:
         """Depth of a token bucket on the path; 0: none is known [byte]."""
         return self._path.shaper.depth

@@ -52,8 +52,8 @@ class Chunk(NamedTuple):
     """Size of all these datagrams together [byte]."""
     total: int
     """Number of datagrams of the part."""
-    urgent: bool = False
-    """Whether they are of the base layer."""
+    waiting: float = 0.0
+    """Size of all that waits, these included [byte]."""
 
 
 class _Flow:
@@ -212,8 +212,8 @@ class PacketScheduler:
             return None
         flow, rate = self._flows[name], self._pacing_rate()
         size = count * flow.parts[flow.part][1]
-        chunk = Chunk(name, flow.work, flow.part, flow.at, flow.at + count, size, flow.parts[flow.part][0],
-                      flow.base > 0)
+        waiting = math.fsum(other.left for other in self._flows.values())
+        chunk = Chunk(name, flow.work, flow.part, flow.at, flow.at + count, size, flow.parts[flow.part][0], waiting)
         self._pass_time(size)
         flow.advance(count)
         if rate is not None:

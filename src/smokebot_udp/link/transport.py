@@ -16,7 +16,7 @@ import rospy
 from .. import traffic
 from ..budget import Budget
 from ..paths import PathUse
-from ..transport import PathStats, PeerStats, TransportStats, always
+from ..transport import PathStats, PeerStats, TransportStats, always, nothing
 from ..udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from ..udpros.depacketizer import Arrivals, Arrived, BatchCallback
 from ..udpros.endpoints import SHORT_BUFFER
@@ -97,6 +97,7 @@ class LinkTransport:
         self._endpoint = Endpoint(core, receiver, self, report)
         self._endpoint.sender.tos = traffic.EXPEDITED & tos_mask
         self.tos_mask = tos_mask
+        self.on_moved: Callable[[], None] = nothing
 
     # -- transport.Transport --------------------------------------------------------------------------
 
@@ -212,6 +213,7 @@ class LinkTransport:
             topics = self._peers.get(event.peer.number)
             if topics is not None:
                 topics.update_room(self._core.max_datagram_size, time.monotonic(), moved=True)
+            self.on_moved()
             self._tell('%s has moved to %s:%d' % (event.peer.name, *event.address))
         elif isinstance(event, Left):
             self._forget(event.peer)

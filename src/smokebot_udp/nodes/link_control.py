@@ -54,10 +54,10 @@ class SharedController:
         self._lock.release()
 
     def route(self, stream: str, count: int, size: int, now: float, start: int = 0, total: int = 1,
-              urgent: bool = False, whole: bool = False) -> Route:
+              waiting: float = 0.0, whole: bool = False) -> Route:
         """As Controller.route, for the outbox."""
         with self as controller:
-            return controller.route(stream, count, size, now, start, total, urgent, whole)
+            return controller.route(stream, count, size, now, start, total, waiting, whole)
 
     def on_sent(self, stream: str, seq: int, count: int, size: int, now: float, route: Route = STRAIGHT) -> None:
         """As Controller.on_sent, for the outbox."""
@@ -101,7 +101,7 @@ class LinkControl(Part):
         self._reports = opened.topic(link.transport.subscriber(TOPIC, LinkReport, self._on_report, queue_size=10))
         self.wifi = opened.started(WifiMonitor(self._hosts, wifi_interface))
         self._ticks = opened.started(PeriodicWorker('link', self._tick, log_error('link'), REPORT_INTERVAL))
-        link.subscribed = self._count_operators
+        link.subscribed, link.transport.on_moved = self._count_operators, self._ticks.wake
 
     def forget(self) -> None:
         """The mission focus changed: the next tick divides the link without hysteresis."""

@@ -38,12 +38,12 @@ class Router(Protocol):
     """Decides who gets which datagrams, and by which path; see Controller.route."""
 
     def __call__(self, stream: str, count: int, size: int, now: float, start: int = 0, total: int = 1,
-                 urgent: bool = False, whole: bool = False) -> Route:
+                 waiting: float = 0.0, whole: bool = False) -> Route:
         ...
 
 
 def straight(stream: str, count: int, size: int, now: float, start: int = 0, total: int = 1,
-             urgent: bool = False, whole: bool = False) -> Route:
+             waiting: float = 0.0, whole: bool = False) -> Route:
     """A Router: all get all by their first path."""
     return STRAIGHT
 
@@ -124,7 +124,7 @@ class Outbox:
         """Send a frame at once, before everything that waits."""
         now = time.monotonic()      # before it leaves: it may arrive at once
         size = frame.datagram_size + self._headers
-        route = self._route(stream, len(frame), size, now, urgent=True, whole=True)
+        route = self._route(stream, len(frame), size, now, whole=True)
         first = publisher.publish_frames(frame, second=route.second)
         with self._changed:
             self.protected += len(frame) * size
@@ -203,10 +203,13 @@ class Outbox:
         name, publisher, frames, stamp, only = chunk.work
         frame = frames[chunk.part].part(chunk.start, chunk.stop)
         now, size = time.monotonic(), frame.datagram_size + self._headers
-        route = self._route(chunk.stream, len(frame), size, now, chunk.start, chunk.total, chunk.urgent)
+        route = self._route(chunk.stream, len(frame), size, now, chunk.start, chunk.total, chunk.waiting)
         if only is not None:
             others = {connection['peer'] for connection in publisher.connections()} - {only}
             route = route._replace(limits={**route.limits, **dict.fromkeys(others, 0)})
+        if route.withheld:
+            with self._changed:
+                self._scheduler.charge(round(route.withheld), now)
         first = publisher.publish_frames(frame, limits=route.limits, second=route.second)
         self._departed(name, first, len(frame), size, now, route)
         if TRACE.on and stamp:

@@ -7,7 +7,7 @@ import rospy
 
 from .. import version
 from ..paths import PathUse
-from ..transport import TransportStats, always
+from ..transport import TransportStats, always, nothing
 from .datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from .depacketizer import Arrived, BatchCallback
 from .packetizer import no_limit
@@ -30,6 +30,7 @@ class UdprosTransport:
         self.name: str = rospy.get_name()
         self.tos_mask, self._receive_buffer = tos_mask, receive_buffer
         self.max_datagram_size = self.room = max_datagram_size
+        self.on_moved: Callable[[], None] = nothing
 
     def limit(self, room: int) -> None:
         """See transport.Transport."""

@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Two links at once beside each of them alone, live: the nodes as shipped, own masters, sealed.
+
+Needs root. The links are link_lab's, with seeds of their own. doc/experiments.md, "Two paths", says how to read it.
+"""
+import argparse
+import pathlib
+import tempfile
+import time
+from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+
+from evaluation import TOP
+from evaluation.live_clip import Clip
+from evaluation.live_score import SETTLED, judged
+from evaluation.path_run import Conditions, PathRun, Seen
+
+RESULTS = TOP / 'results' / 'bench' / 'paths'
+
+FIRST, SECOND = {'rate': 2e6, 'delay': 0.01, 'queue': 0.2}, {'rate': 1e6, 'delay': 0.03, 'queue': 0.2}
+"""A Wi-Fi and an LTE modem: 20 and 60 ms there and back."""
+
+ONE = {'rate': 2.7e6, 'delay': 0.0175, 'queue': 0.2}
+"""The one link that both are to be as good as."""
+
+NARROW, NARROWER = {**FIRST, 'rate': 0.4e6}, {**SECOND, 'rate': 0.2e6}
+"""A fifth of the rates: images want all of it."""
+
+HALF = {**FIRST, 'rate': 1e6}
+
+BURSTS = {**FIRST, 'loss': 0.6, 'burst': 8.0}
+FAR = {**SECOND, 'delay': 0.15}
+"""A link that loses 60 % in bursts of 50 ms, which are eight datagrams, and one of 150 ms."""
+
+FAST, SLOW, SWAP_PERIOD = 20e6, 0.3e6, 3.0
+"""[bit/s], [s]"""
+
+Log = Callable[[str], None]
+Row = Dict[str, Any]
+
+
+class Case(NamedTuple):
+    """A row of the table."""
+    name: str
+    links: Tuple[Conditions, ...]
+    swaps: bool = False
+    """Whether both links change their rates each SWAP_PERIOD."""
+
+
+def lossy(link: Conditions, loss: float) -> Conditions:
+    """The same link that loses datagrams."""
+    return {**link, 'loss': loss}
+
+
+def ways(name: str, first: Conditions, second: Conditions) -> List[Case]:
+    """Both links, and each of them alone."""
+    return [Case(name + ': both', (first, second)), Case(name + ': the first', (first,)),
+            Case(name + ': the second', (second,))]
+
+
+FAST_NOW, SLOW_NOW = {**FIRST, 'rate': FAST}, {**FIRST, 'rate': SLOW}
+CASES = [*ways('0 %', FIRST, SECOND), Case('0 %: one of 2.7 Mbit/s', (ONE,)),
+         *ways('narrow', NARROW, NARROWER), Case('narrow: one of 0.54 Mbit/s', ({**ONE, 'rate': 0.54e6},)),
+         *ways('half', HALF, {**SECOND, 'rate': 0.5e6}), Case('half: one of 1.35 Mbit/s', ({**ONE, 'rate': 1.35e6},)),
+         *ways('5 %', lossy(FIRST, 0.05), lossy(SECOND, 0.05)), Case('5 %: one of 2.7 Mbit/s', (lossy(ONE, 0.05),)),
+         *ways('bursts, far', BURSTS, FAR),
+         Case('swapped: both', (FAST_NOW, SLOW_NOW), True), Case('steady: both', (FAST_NOW, SLOW_NOW))]
+
+
+def options(arguments: Sequence[str]) -> argparse.Namespace:
+    """The options of the command line."""
+    parser = argparse.ArgumentParser(prog='./smokebot bench paths', description=(__doc__ or '').split('\n')[0])
+    parser.add_argument('--cases', default='', help='only those whose name contains this')
+    parser.add_argument('--seconds', type=float, default=20.0, help='of each case')
+    parser.add_argument('--runs', type=int, default=1, help='of each case')
+    return parser.parse_args(arguments)
+
+
+def run(log: Log, quick: bool = False, arguments: Sequence[str] = ()) -> Dict[str, Any]:
+    """{'clip': name, 'rows': [{'case', ...}, ...]}"""
+    chosen = options(arguments)
+    RESULTS.mkdir(parents=True, exist_ok=True)
+    seconds = min(chosen.seconds, 10.0) if quick else chosen.seconds
+    cases = [case for case in CASES if chosen.cases in case.name]
+    rows = [row for number in range(chosen.runs) for case in cases for row in measured(case, seconds, number, log)]
+    return {'clip': Clip().name, 'rows': rows}
+
+
+def measured(case: Case, seconds: float, number: int, log: Log) -> Iterator[Row]:
+    """The row of a case; none where no image comes."""
+    first, second = case.links[0], case.links[1] if len(case.links) > 1 else None
+    try:
+        with tempfile.TemporaryDirectory() as scratch, PathRun(
+                first, second, pathlib.Path(scratch), RESULTS / 'nodes.log', 1 + 2 * number) as running:
+            running.settle(SETTLED)
+            begun = running.moment()
+            if case.swaps:
+                swap(running, seconds)
+            else:
+                time.sleep(seconds)
+            row = judged_row(case, running.seen(begun, running.moment()))
+    except RuntimeError as error:
+        log('%s: %s' % (case.name, error))
+        return
+    log(line(row))
+    yield row
+
+
+def swap(running: PathRun, seconds: float) -> None:
+    """Exchange the rates of both links each SWAP_PERIOD."""
+    until, rates = time.monotonic() + seconds, (FAST, SLOW)
+    while time.monotonic() < until:
+        time.sleep(SWAP_PERIOD)
+        rates = rates[::-1]
+        for link, rate in zip(running.links, rates):
+            link.set({**FIRST, 'rate': rate})
+
+
+def judged_row(case: Case, seen: Seen) -> Row:
+    """The row of what was seen."""
+    used = [carried / (1e-6 * link['rate']) for carried, link in zip(seen.carried, case.links)]
+    return {'case': case.name, **judged(seen.screen, [], seen.begun, seen.ended), 'used': used,
+            'carried [Mbit/s]': seen.carried, 'CPU': seen.cpu}
+
+
+COLUMNS = ('screen mean [dB]', '%.1f'), ('screen 5 % [dB]', '%.1f'), ('image mean [dB]', '%.1f'), \
+    ('image 5 % [dB]', '%.1f'), ('age p50 [s]', '%.3f'), ('age p95 [s]', '%.3f'), ('freeze [s]', '%.2f'), \
+    ('rate [Hz]', '%.1f'), ('CPU', '%.2f')
+
+
+def line(row: Mapping[str, Any]) -> str:
+    """A row as text."""
+    values = [form % row[name] if row[name] is not None else '-' for name, form in COLUMNS]
+    return '| %s | %s | %s |' % (row['case'], ' | '.join(values), ', '.join('%.2f' % used for used in row['used']))
+
+
+def table(results: Dict[str, Any]) -> str:
+    """The results as text."""
+    names: List[Optional[str]] = [name for name, _ in COLUMNS]
+    head = '| case | %s | used |' % ' | '.join(map(str, names))
+    return '\n'.join([head, '|' + '---|' * (len(names) + 2), *map(line, results['rows'])])

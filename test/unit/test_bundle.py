@@ -1,0 +1,149 @@
+# SPDX-License-Identifier: BSD-3-Clause
+"""Two paths to one operator as one link, driven by reports of each."""
+import itertools
+import math
+from typing import Any, Dict, List, Sequence
+
+import pytest
+from controlled_robot import LIMITS, SIZE, Receiver, image
+
+from smokebot_udp.congestion.bundle import MAX_LEAD, PERIOD, SILENCE, Bundle
+from smokebot_udp.congestion.controller import Controller
+from smokebot_udp.congestion.sent_history import SentHistory
+from smokebot_udp.paths import STRAIGHT, PathUse
+from smokebot_udp.units import MBIT
+
+BOTH = [PathUse('wifi'), PathUse('lte')]
+
+
+class TwoPaths:
+    """A robot that sends to one operator over two links, as fast as its controller allows."""
+
+    def __init__(self, first: float, second: float, delays: Sequence[float] = (0.02, 0.02)) -> None:
+        self.controller, self.now = Controller(LIMITS, True, 1472), 1000.0
+        self.links = [Receiver('/op', first), Receiver('/op', second)]
+        for link, delay in zip(self.links, delays):
+            link.delay = delay
+        self.lost: Dict[int, float] = {}        # {path: share of its datagrams}
+        self.arrivals: List[Any] = []
+        self.controller.on_arrivals = lambda *what: self.arrivals.append(what)
+        self._seq = itertools.count(1)
+
+    def drive(self, seconds: float, uses: Sequence[PathUse] = BOTH) -> List[int]:
+        """How many datagrams went by each path."""
+        until, next_tick, went = self.now + seconds, self.now, [0, 0]
+        while self.now < until:
+            if self.now >= next_tick:
+                next_tick += 0.1
+                self.controller.on_paths({'/op': uses}, self.now)
+                for path, link in enumerate(self.links[:len(uses)]):
+                    self.controller.on_report('/op', link.report(self.now), self.now, 1, path)
+                self.controller.tick(self.now, {'thermal': image(rate=30.0)}, 0)
+            seq = next(self._seq)
+            route = self.controller.route('thermal', 1, SIZE, self.now, waiting=100 * SIZE)
+            self.controller.on_sent('thermal', seq, 1, SIZE, self.now, route)
+            path = int('/op' in route.second)
+            went[path] += 1
+            if went[path] * self.lost.get(path, 0.0) % 1 <= 1 - self.lost.get(path, 0.0) or path not in self.lost:
+                self.links[path].receive(seq, self.now)
+            rate = self.controller.rate(self.now)
+            assert rate is not None
+            self.now += (SIZE + route.withheld) / rate
+        return went
+
+
+@pytest.mark.parametrize('first,second', [(2.0, 1.0), (1.0, 3.0), (0.5, 4.0)])
+def test_two_links_are_one_that_carries_what_both_do(first: float, second: float) -> None:
+    robot = TwoPaths(first * MBIT, second * MBIT)
+    robot.drive(8.0)
+    for link in robot.links:
+        link.received = 0
+    robot.drive(5.0)
+    for link, rate in zip(robot.links, (first, second)):
+        assert link.received * SIZE / 5 > 0.85 * rate * MBIT
+    state = robot.controller.stats(robot.now)
+    assert state.capacity == pytest.approx((first + second) * MBIT, rel=0.15)
+    assert state.loss == 0.0 and state.refused_reports == {} and state.queue_delay < 0.06
+
+
+def test_what_went_by_the_other_path_is_no_loss() -> None:
+    robot = TwoPaths(2 * MBIT, 1 * MBIT)
+    robot.drive(6.0)
+    assert sum(expected for _, _, expected, _, _ in robot.arrivals) > 500
+    assert all(expected == received for _, _, expected, received, _ in robot.arrivals)
+
+
+def test_the_loss_is_the_mixture() -> None:
+    robot = TwoPaths(2 * MBIT, 2 * MBIT)
+    robot.lost[1] = 0.3
+    robot.drive(8.0)
+    assert robot.controller.stats(robot.now).loss == pytest.approx(0.15, abs=0.06)
+
+
+def test_a_path_that_is_silent_carries_nothing_and_comes_back_with_its_estimate() -> None:
+    robot = TwoPaths(2 * MBIT, 2 * MBIT)
+    robot.drive(6.0)
+    robot.drive(SILENCE + 0.3, [BOTH[0], PathUse('lte', 1.0)])      # it is heard, by reports
+    assert robot.drive(0.5, [BOTH[0], PathUse('lte', 1.0)])[1] > 0
+    robot.links[1].report = lambda now: Receiver('/op', 1.0).report(now)        # type: ignore[method-assign]
+    robot.drive(SILENCE + 0.2, [BOTH[0], PathUse('lte', 1.0)])
+    assert robot.drive(0.5, [BOTH[0], PathUse('lte', 1.0)])[1] == 0
+    assert robot.controller.stats(robot.now).capacity < 2.5 * MBIT
+    del robot.links[1].report
+    robot.drive(0.2)
+    assert robot.drive(0.5)[1] > 0 and robot.controller.stats(robot.now).capacity > 3 * MBIT
+
+
+def test_after_a_move_the_estimate_is_that_of_the_path_which_is_left() -> None:
+    robot = TwoPaths(3 * MBIT, 1 * MBIT)
+    robot.drive(6.0)
+    assert robot.controller.stats(robot.now).capacity > 3.2 * MBIT
+    robot.controller.on_paths({'/op': [BOTH[1]]}, robot.now)
+    assert robot.controller.stats(robot.now).capacity == pytest.approx(1 * MBIT, rel=0.3)
+    assert robot.controller.route('thermal', 1, SIZE, robot.now) == STRAIGHT
+    robot.links[0].rate = robot.links[1].rate
+    robot.drive(3.0, [BOTH[1]])
+    assert robot.controller.stats(robot.now).capacity == pytest.approx(1 * MBIT, rel=0.2)
+    assert robot.controller.stats(robot.now).loss < 0.05
+
+
+def test_the_end_of_a_message_does_not_wait_for_the_slow_path() -> None:
+    robot = TwoPaths(2 * MBIT, 2 * MBIT, delays=(0.02, 0.06))
+    robot.drive(6.0)
+    robot.now += 2 * MAX_LEAD           # nothing is on its way
+    chosen = []
+    for left in range(20, 0, -1):       # an image, paced
+        route = robot.controller.route('thermal', 1, SIZE, robot.now, waiting=left * SIZE)
+        robot.controller.on_sent('thermal', 10 ** 6 - left, 1, SIZE, robot.now, route)
+        chosen.append('/op' in route.second)
+        robot.now += (SIZE + route.withheld) / (4 * MBIT)
+    last = len(chosen) - 1 - chosen[::-1].index(True)
+    assert 4 <= sum(chosen) < 10 and 20 - 1 - last >= 0.04 * 2 * MBIT / SIZE - 2
+    assert '/op' not in robot.controller.route('gas', 1, 100, robot.now + 1.0).second        # urgent
+
+
+def test_what_a_slow_path_cannot_carry_in_time_is_no_capacity() -> None:
+    near, far = (TwoPaths(2 * MBIT, 2 * MBIT, delays=(0.02, delay)) for delay in (0.02, 0.02 + PERIOD / 2))
+    for robot in (near, far):
+        robot.drive(8.0)
+    capacities = [robot.controller.stats(robot.now).capacity for robot in (near, far)]
+    assert capacities == [pytest.approx(4 * MBIT, rel=0.12), pytest.approx(3 * MBIT, rel=0.12)]
+
+
+def test_a_path_without_reports_is_no_better_than_it_begins() -> None:
+    bundle = Bundle(SentHistory(), LIMITS, 0.0)
+    bundle.follow(BOTH, 0.0)
+    assert bundle.capacity == bundle.rate == 2 * LIMITS.start_rate
+    assert math.isnan(bundle.link.round_trip) and not bundle.timed_out
+    assert bundle.read(object(), 2, 0.0) is None
+    for step in range(1, 60):
+        bundle.poll(0.1 * step, 0.0)
+    assert bundle.tokens(6.0) == (0.0, 0.0)
+
+
+def test_reports_of_a_path_that_is_not_used_are_ignored() -> None:
+    robot = TwoPaths(2 * MBIT, 1 * MBIT)
+    robot.drive(3.0)
+    report = robot.links[1].report(robot.now)
+    robot.controller.on_paths({'/op': BOTH[:1]}, robot.now)
+    assert robot.controller.on_report('/op', report, robot.now, 1, 1) is None
