@@ -42,7 +42,7 @@ class OwnMasters(Stack):
         self.key_file = os.path.join(folder, 'link.key')
         """Key of both sides."""
         self.addresses = ROBOT
-        """Of the robot, in order of preference, as operator_receiver's `robot`."""
+        """Addresses of the robot, in order of preference, as operator_receiver's `robot`."""
         make_key(self.key_file)
 
     def environment(self, side: str) -> Dict[str, str]:

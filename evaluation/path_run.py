@@ -24,7 +24,7 @@ from .started import Started
 from .video_clips import RATE
 
 Conditions = Mapping[str, float]
-"""Of a link, as link_lab has them."""
+"""Conditions of a link, as link_lab has them."""
 
 BOTH = '%s,%s:%d' % (ROBOT, SECOND['robot'], PORT)
 
@@ -36,7 +36,7 @@ class Moment(NamedTuple):
     carried: List[int]
     """By each link to the operator [byte]."""
     cpu: float
-    """Of robot_sender [s]."""
+    """Processor time of robot_sender [s]."""
 
 
 def cpu_seconds(process: int) -> float:
@@ -54,7 +54,7 @@ class Seen(NamedTuple):
     carried: List[float]
     """By each link to the operator [Mbit/s]."""
     cpu: float
-    """Of robot_sender, in cores."""
+    """Processor time of robot_sender, in cores."""
 
 
 class PathRun(Started):

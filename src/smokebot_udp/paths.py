@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The two paths by which a peer may get what is sent, as transports, the link controller and the outbox know them."""
+import math
 from types import MappingProxyType
 from typing import Collection, Hashable, Mapping, NamedTuple
 
@@ -12,6 +13,10 @@ class PathUse(NamedTuple):
     """Equal for the same path."""
     silence: float = 0.0
     """Since the peer was heard over it, as far as it has to show that it is alive [s]."""
+    host: str = ''
+    """Address of the peer."""
+    max_rate: float = math.inf
+    """What a path that costs carries by itself; beside another one it carries nothing [byte/s]."""
 
 
 class Route(NamedTuple):

@@ -147,3 +147,14 @@ def test_reports_of_a_path_that_is_not_used_are_ignored() -> None:
     report = robot.links[1].report(robot.now)
     robot.controller.on_paths({'/op': BOTH[:1]}, robot.now)
     assert robot.controller.on_report('/op', report, robot.now, 1, 1) is None
+
+
+def test_a_path_that_costs_carries_nothing_beside_another_one_and_little_by_itself() -> None:
+    robot, costs = TwoPaths(2 * MBIT, 2 * MBIT), PathUse('lte', max_rate=0.3 * MBIT)
+    robot.drive(4.0, [BOTH[0], costs])
+    assert robot.drive(1.0, [BOTH[0], costs])[1] == 0
+    robot.drive(1.0, [costs])
+    state = robot.controller.stats(robot.now)
+    assert state.capacity == pytest.approx(0.3 * MBIT) and state.rate <= 0.3 * MBIT
+    robot.drive(3.0, [costs, BOTH[0]])      # the other one is there again, but not yet preferred
+    assert robot.controller.stats(robot.now).capacity > 1.5 * MBIT

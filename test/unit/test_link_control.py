@@ -39,7 +39,7 @@ def ros(monkeypatch: Any) -> Any:
 
     def worker(name: str, work: Any, log: Any, period: float) -> Any:
         ros.tick = work
-        return SimpleNamespace(start=lambda: None, close=lambda: None)
+        return SimpleNamespace(start=lambda: None, close=lambda: None, wake=lambda: None)
     monkeypatch.setattr(rospy, 'Publisher', lambda *_, **__: SimpleNamespace(
         publish=ros.published.append, unregister=lambda: None))
     monkeypatch.setattr(rospy.Time, 'now', lambda: rospy.Time(1))

@@ -47,7 +47,7 @@ PURE_UDPROS = {'admission', 'batches', 'bus_info', 'datagram', 'depacketizer', '
 IMPURE_LINK = {'endpoint', 'keys', 'peer_topics', 'resolver', 'topics', 'transport'}
 """The other modules of link are its protocol core, likewise."""
 
-IMPURE_WEB = {'browser', 'calls', 'captures', 'desk', 'driving', 'node', 'robot', 'route', 'server', 'stills'}
+IMPURE_WEB = {'browser', 'calls', 'captures', 'desk', 'driving', 'node', 'robot', 'server', 'stills'}
 """The other modules of web decide, likewise."""
 
 IMPURE = {'rospy', 'socket', 'select', 'time', 'rosgraph', 'udpros'}

@@ -4,8 +4,9 @@ from typing import Any, Dict, List, Optional
 
 import pytest
 
-from smokebot_udp.web.paths import MAX_PATHS, Route, paths_of
-from smokebot_udp.web.route import route_to
+from smokebot_udp.monitoring.wifi_texts import Route
+from smokebot_udp.nodes.route import route_to
+from smokebot_udp.web.paths import MAX_PATHS, paths_of
 
 
 def route(host: str) -> Route:

@@ -60,11 +60,23 @@ class _Path:
         self._shift = 0 if known.total is None else known.total - reader.sent.total
         self.since = since
         """What was sent earlier says nothing about it; -inf: all says something [s]."""
+        self.max_rate = math.inf
+        """[byte/s]"""
         self.heard = since
         """When it was known to be alive [s]."""
         self.busy = -math.inf
         """Until when what it was given takes at its rate [s]."""
         self._sent = Rate(SENT_WINDOW)
+
+    @property
+    def rate(self) -> float:
+        """What may be sent by it now [byte/s]."""
+        return min(self.estimator.rate, self.max_rate)
+
+    @property
+    def capacity(self) -> float:
+        """[byte/s]"""
+        return min(self.estimator.link.capacity, self.max_rate)
 
     @property
     def total(self) -> int:
@@ -94,13 +106,13 @@ class _Path:
 
     def leaves(self, size: float, now: float) -> float:
         """When bytes that are given to it now have left [s]."""
-        return max(self.busy, now - MAX_LEAD) + size / self.estimator.rate
+        return max(self.busy, now - MAX_LEAD) + size / self.rate
 
     @property
     def idle_delay(self) -> float:
         """What a long datagram takes while nothing else is sent, by the receiver's clock; NaN: unknown [s]."""
         delay = self.estimator.base_delay
-        return math.nan if delay is None else delay + LONG_DATAGRAM / self.estimator.link.capacity
+        return math.nan if delay is None else delay + LONG_DATAGRAM / self.capacity
 
     def delivers(self, size: float, now: float) -> float:
         """When bytes that are given to it now have arrived, by the receiver's clock; NaN: unknown [s]."""
@@ -126,7 +138,7 @@ class Bundle:
 
     def follow(self, used: Sequence[PathUse], now: float) -> None:
         """Use these paths from now on, one or two; the second one where it is not silent."""
-        used = [used[0], *(one for one in used[1:2] if self._is_alive(one, now))]
+        used = [used[0], *(one for one in used[1:2] if self._is_useful(one, now))]
         first = self._paths[0]
         if first.key is None:
             first.key = used[0].key
@@ -138,12 +150,15 @@ class Bundle:
             self._paths[1:] = [self._path(one.key, FeedbackReader(self._history), now) for one in used[1:]]
             self._train_left = 0.0
         for path, one in zip(self._paths, used):
-            path.heard = max(path.heard, now - one.silence)
+            path.heard, path.max_rate = max(path.heard, now - one.silence), one.max_rate
         if len(self._paths) > 1:
             for path in self._paths:
                 path.reader.is_shared = True
 
-    def _is_alive(self, second: PathUse, now: float) -> bool:
+    def _is_useful(self, second: PathUse, now: float) -> bool:
+        """Whether something goes by a second path: it is alive, and costs nothing."""
+        if second.max_rate < math.inf:
+            return False
         heard = max((path.heard for path in self._paths[1:] if path.key == second.key), default=-math.inf)
         return min(second.silence, now - heard) < SILENCE
 
@@ -169,7 +184,7 @@ class Bundle:
         by_second = second.leaves(size, now) < first.leaves(size, now)
         chosen, other = (second, first) if by_second else (first, second)
         if chosen.delivers(size, now) > other.delivers(waiting, now):
-            return int(not by_second), size * chosen.estimator.rate / other.estimator.rate if waiting > size else 0.0
+            return int(not by_second), size * chosen.rate / other.rate if waiting > size else 0.0
         return int(by_second), 0.0
 
     def sent(self, stream: str, seq: int, count: int, number: int, size: int, now: float, chosen: int) -> None:
@@ -192,21 +207,21 @@ class Bundle:
 
     @property
     def readers(self) -> List[FeedbackReader]:
-        """Of the reports of each path."""
+        """Readers of the reports of each path."""
         return [path.reader for path in self._paths]
 
     @property
     def rate(self) -> float:
         """What may be sent now, by all paths together [byte/s]."""
-        return min(math.fsum(path.estimator.rate for path in self._paths), self._limits.max_rate)
+        return min(math.fsum(path.rate for path in self._paths), self._limits.max_rate)
 
     @property
     def capacity(self) -> float:
-        """Of all paths together, as far as it is useful [byte/s]."""
-        first = self._paths[0].estimator.link.capacity
+        """Capacity of all paths together, as far as it is useful [byte/s]."""
+        first = self._paths[0].capacity
         if len(self._paths) == 1:
             return first
-        second = self._paths[1].estimator.link.capacity
+        second = self._paths[1].capacity
         behind = self._paths[1].idle_delay - self._paths[0].idle_delay      # NaN: unknown
         unused = min(abs(behind) / PERIOD, 1.0) if behind == behind else 0.0
         return min(first + second - unused * (second if behind > 0 else first), self._limits.max_rate)
@@ -216,7 +231,7 @@ class Bundle:
         """All paths together as one link; the round trip is the first one's, the queue the longest."""
         links = [path.estimator.link for path in self._paths]
         if len(links) == 1:
-            return links[0]
+            return replace(links[0], capacity=self.capacity)
         loss = sum(link.loss * link.capacity for link in links) / sum(link.capacity for link in links)
         return replace(links[0], capacity=self.capacity, loss=loss, queue_delay=max(link.queue_delay for link in links))
 
@@ -243,7 +258,7 @@ class Bundle:
         """
         if len(self._paths) == 1:
             return self._paths[0].estimator.planned(budget, self._paths[0].total)
-        shares = [path.estimator.link.capacity / self.capacity for path in self._paths]
+        shares = [path.capacity / self.capacity for path in self._paths]
         return max(1.0, *(share * path.estimator.planned(share * budget, path.total)
                           for share, path in zip(shares, self._paths)))
 
@@ -279,4 +294,4 @@ class Bundle:
 
     def rate_beside(self, index: int) -> float:
         """What the paths but one carry [byte/s]."""
-        return math.fsum(path.estimator.rate for path in self._paths if path is not self._paths[index])
+        return math.fsum(path.rate for path in self._paths if path is not self._paths[index])

@@ -171,11 +171,11 @@ class LinkTransport:
         found: Dict[str, Sequence[PathUse]] = {}
         for topics in self._peers.values():
             peer, second = topics.peer, topics.peer.second
-            found[peer.name] = [PathUse(peer.address[0])]
+            found[peer.name] = [PathUse(peer.address[0], host=peer.address[0])]
             if second is not None:
                 address = address_of(second)
                 key = address if address[0] == peer.address[0] else address[0]
-                found[peer.name] = [*found[peer.name], PathUse(key, now - peer.second_heard)]
+                found[peer.name] = [*found[peer.name], PathUse(key, now - peer.second_heard, address[0])]
         return found
 
     def stats(self, now: float) -> Optional[TransportStats]:

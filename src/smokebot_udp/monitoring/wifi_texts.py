@@ -126,6 +126,14 @@ def wireless_rows(text: str) -> Dict[str, WirelessRow]:
     return rows
 
 
+class Route(NamedTuple):
+    """How datagrams leave this machine for a host."""
+    own: str
+    """This machine's address; empty: there is no route."""
+    interface: str
+    """Empty: unknown."""
+
+
 def route_interface(text: str, address: str) -> Optional[str]:
     """The interface by which IPv4 packets leave for an address, from /proc/net/route; None: unknown.
 

@@ -54,6 +54,10 @@ ROBOT_SENDER = {
                        'max_rate'),
     'max_rate': Parameter(50.0, 'Mbit/s', 'maximum rate of all streams together, however fast the link is; 0: '
                           'unlimited', least=0.0),
+    'metered': Parameter('', '', 'interfaces of the robot whose bytes cost, such as wwan0, separated by commas: by '
+                         'them go commands, and the streams where no other address of an operator answers'),
+    'metered_rate': Parameter(0.5, 'Mbit/s', 'maximum rate of all streams together by a metered interface; 0: max_rate',
+                              least=0.0),
     'min_rate': Parameter(0.1, 'Mbit/s', 'minimum rate, whatever operators report', least=0.01),
     'dscp': _DSCP,
     'ecn': Parameter(True, '', 'whether networks may mark datagrams where a queue builds up, instead of dropping them '

@@ -44,6 +44,7 @@ from .focus import FocusControl
 from .held_reports import HeldReports
 from .level_frame import TransformLookup
 from .link_control import LinkControl, SharedController
+from .metered import Metered
 from .namesake import wait_until_free
 from .opened import Opened, open_until_end
 from .outbox import Outbox
@@ -140,7 +141,8 @@ def run_streams(opened: Opened) -> Tuple[Dict[str, RobotStream], Dict[str, Any]]
         reliable = opened.add(ReliableLink(transport, ROBOT, outbox))
         way_back = WayBack(ROBOT, definitions, RobotWay(transport, control, reliable), parameters)
         rate = opened.add(LinkControl(shared, link, streams, control.reported, parameters['wifi_interface'],
-                                      captures.demands))
+                                      Metered(parameters['metered'], (parameters['metered_rate'] or math.inf) * MBIT,
+                                              problems.report), captures.demands))
         stores = {name: stream.settings for name, stream in streams.items()}
         opened.add(FocusControl({**stores, **way_back.stores}, profiles, transport.own_masters, reliable, rate,
                                 control, found, problems.report))

@@ -1,23 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The paths by which this desk reaches a robot: addresses of both sides, and the interface of this machine."""
-from typing import Any, Callable, Dict, List, NamedTuple, Optional, Tuple
+from typing import Any, Callable, Dict, List, Optional, Tuple
 
 from ..monitoring.link_snapshot import Tree
 from ..monitoring.status import OPERATOR, printable
+from ..monitoring.wifi_texts import Route
 
 MAX_PATHS = 8
 """That are shown."""
 
 MAX_NAME = 100
 """Letters of a robot's name that are shown: it comes over the link."""
-
-
-class Route(NamedTuple):
-    """How datagrams leave this machine for a host."""
-    own: str
-    """This machine's address; empty: there is no route."""
-    interface: str
-    """Empty: unknown."""
 
 
 def paths_of(tree: Tree, route: Callable[[str], Route]) -> List[Dict[str, Any]]:

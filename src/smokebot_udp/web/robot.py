@@ -26,6 +26,7 @@ from ..msg import CaptureProgress, LinkStatus, RobotStatus, ViewImage
 from ..nodes.link_top import BoardListener
 from ..nodes.logging import log_error
 from ..nodes.opened import Part
+from ..nodes.route import route_to
 from ..nodes.view_publisher import PLAIN
 from ..nodes.worker import PeriodicWorker
 from ..numpy_messages import numpy_msg
@@ -38,7 +39,6 @@ from .log_entries import LogEntries
 from .paths import paths_of
 from .pictures import Pictures, picture_of
 from .relayed_images import RelayedColours
-from .route import route_to
 from .state import Known
 from .tiles import Place, TiledMap
 from .top_view import CELL, Pose, ages_image, cloud_from_above, path_points, pose_of, scan_points

@@ -4,8 +4,7 @@ import contextlib
 import ipaddress
 import socket
 
-from ..monitoring.wifi_texts import route_interface
-from .paths import Route
+from ..monitoring.wifi_texts import Route, route_interface
 
 ROUTES = '/proc/net/route'
 """The routes of this machine, without those to the machine itself."""
