@@ -34,8 +34,7 @@ from ..udpros.frame import Frame
 from .held import Holding
 from .outlook import Outlook
 from .parameters import ROBOT
-from .recent import MAX_SOURCES
-from .segments import MAIN_PART
+from .segments import MAIN_PART, MAX_SOURCES
 
 Message = TypeVar('Message')
 """What `merge` returns and `encode` takes: mostly a ROS message."""

@@ -21,7 +21,7 @@ import numpy as np
 from ..arrays import BoolArray, IntArray
 from ..frame_names import frame_name
 from .frame_end import FrameEnd
-from .recent import MAX_SOURCES
+from .segments import MAX_SOURCES
 
 RESTART = 2.0
 """A stamp that is older than the newest one by more is not late: the source's clock was set back, or a recording

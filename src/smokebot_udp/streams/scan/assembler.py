@@ -15,8 +15,7 @@ from ...msg import ScanSegment
 from ...numpy_messages import numpy_msg
 from ..assembler import Assembled
 from ..frame_assembler import Frame
-from ..recent import MAX_SOURCES
-from ..segments import MAIN_PART
+from ..segments import MAIN_PART, MAX_SOURCES
 from ..stamped_assembler import StampedAssembler, header_of
 from .fields import FIXED
 
