@@ -23,7 +23,7 @@ from ..msg import ControlRequest, ControlStatus
 from ..teleop import records
 from ..teleop.command_copy import MICROSECONDS
 from ..teleop.control_client import ControlClient
-from ..teleop.estop_input import EstopInput
+from ..teleop.estop import EstopInput
 from ..teleop.interlock import START_FROM_NEUTRAL
 from ..teleop.records import Wish
 from ..teleop.robot_clock import RobotClock, RobotTime

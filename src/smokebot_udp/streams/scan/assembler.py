@@ -8,7 +8,7 @@ import numpy as np
 from sensor_msgs.msg import LaserScan
 
 from ...arrays import Records
-from ...codecs.wire.scan import GAPS, ScanParts
+from ...codecs.wire.scan import FIXED, GAPS, ScanParts
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import ScanSegment
@@ -17,7 +17,6 @@ from ..assembler import Assembled
 from ..frame_assembler import Frame
 from ..segments import MAIN_PART, MAX_SOURCES
 from ..stamped_assembler import StampedAssembler, header_of
-from .fields import FIXED
 
 
 class ScanAssembler(StampedAssembler[ScanParts, Assembled]):
