@@ -154,6 +154,13 @@ def test_python_3_8_reads_it(path: pathlib.Path) -> None:
     ast.parse(path.read_text(), feature_version=(3, 8))
 
 
+@pytest.mark.parametrize('path', MODULES, ids=module_name)
+def test_functions_have_60_lines_at_most(path: pathlib.Path) -> None:
+    for node in ast.walk(ast.parse(path.read_text())):
+        if isinstance(node, ast.FunctionDef):
+            assert (node.end_lineno or 0) - node.lineno < 60, node.name
+
+
 def test_every_script_is_installed_and_executable() -> None:
     listed = set(re.findall(r'scripts/(\w+)', (TOP / 'CMakeLists.txt').read_text()))
     assert listed == {path.name for path in (TOP / 'scripts').iterdir()}
