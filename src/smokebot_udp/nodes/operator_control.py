@@ -55,8 +55,6 @@ IN_CONTROL = 'in control'
 FROM_REST = IN_CONTROL + ': start at rest'
 """The state where a neutral command has to come first: after an emergency stop, or a lock."""
 
-"""The state in which commands leave and are obeyed."""
-
 DONE = {Wish.TAKE_CONTROL: 'this operator drives', Wish.RELEASE_CONTROL: 'nobody drives',
         Wish.ENGAGE_ESTOP: 'the emergency stop is engaged', Wish.RELEASE_ESTOP: 'the emergency stop is released'}
 """{what was asked for: the answer of a service where the robot has done it}"""
