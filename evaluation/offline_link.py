@@ -16,7 +16,6 @@ from smokebot_udp.optional import found
 from smokebot_udp.streams import assembler_class, encoder_class
 from smokebot_udp.streams.air import Air
 from smokebot_udp.streams.assembler import Assembled, Assembler
-from smokebot_udp.streams.encoder import Deriver
 from smokebot_udp.streams.held import Holding
 from smokebot_udp.streams.outlook import Outlook
 from smokebot_udp.streams.segments import MAIN_PART, size_on_air
@@ -118,9 +117,8 @@ class Sender:
 
     def frames(self, message: Any) -> List[Frame]:
         """The frames that carry a message, in sending order."""
-        if isinstance(self._encoder.encoder, Deriver):
-            message = self._encoder.derive(message, self._settings)
-        return self._encoder.encode(message, self._settings, MAX_DATAGRAM_SIZE)
+        derived = self._encoder.derive(message, self._settings)
+        return self._encoder.encode(derived, self._settings, MAX_DATAGRAM_SIZE)
 
 
 class Receiver:

@@ -33,7 +33,6 @@ from smokebot_udp.mission.settings import Settings  # noqa: E402
 from smokebot_udp.serialised import serialised  # noqa: E402
 from smokebot_udp.streams import encoder_class  # noqa: E402
 from smokebot_udp.streams.air import Air  # noqa: E402
-from smokebot_udp.streams.encoder import Deriver  # noqa: E402
 from smokebot_udp.streams.outlook import Outlook  # noqa: E402
 from smokebot_udp.udpros.datagram import OVERHEAD  # noqa: E402
 from smokebot_udp.udpros.records import lengths_of, record_dtype  # noqa: E402
@@ -149,10 +148,8 @@ class Robot:
         """What carries a message of the source."""
         self.now = now
         message = self._stream.source(number)
-        if isinstance(self.encoder.encoder, Deriver):
-            message = self.encoder.derive(message, self._settings)
-        message = self.encoder.merge(None, message)
-        return self._numbered(self.encoder.encode(message, self._settings, MAX_DATAGRAM_SIZE))
+        derived = self.encoder.derive(self.encoder.merge(None, message), self._settings)
+        return self._numbered(self.encoder.encode(derived, self._settings, MAX_DATAGRAM_SIZE))
 
     def repeat(self, now: float) -> List[Any]:
         """What is sent beside messages."""

@@ -14,7 +14,7 @@ sys.path.insert(0, str(pathlib.Path(__file__).resolve().parent))
 from reliable_pair import ReliablePair
 from waiting import is_sent_here, stays, wait_for
 
-from smokebot_udp.nodes.relays import operator_relay, robot_relay
+from smokebot_udp.nodes.way_back import operator_relay, robot_relay
 from smokebot_udp.streams.config import load
 
 STREAM = """

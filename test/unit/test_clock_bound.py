@@ -3,7 +3,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.reliable.clock_bound import WINDOW, ClockBound
+from smokebot_udp.reliable.call_client import CLOCK_WINDOW, ClockBound
 
 
 def test_the_fastest_message_counts() -> None:
@@ -18,10 +18,10 @@ def test_the_fastest_message_counts() -> None:
 def test_what_is_old_is_forgotten_once_there_is_something_newer() -> None:
     bound = ClockBound()
     bound.add(100.0, 0.0)
-    assert bound.at(10 * WINDOW) == 100.0 + 10 * WINDOW
-    bound.add(90.0 + 1.1 * WINDOW, 1.1 * WINDOW)
+    assert bound.at(10 * CLOCK_WINDOW) == 100.0 + 10 * CLOCK_WINDOW
+    bound.add(90.0 + 1.1 * CLOCK_WINDOW, 1.1 * CLOCK_WINDOW)
     assert bound.at(0.0) == 100.0
-    bound.add(90.0 + 2.2 * WINDOW, 2.2 * WINDOW)
+    bound.add(90.0 + 2.2 * CLOCK_WINDOW, 2.2 * CLOCK_WINDOW)
     assert abs(bound.at(0.0) - 90.0) < 1e-9
 
 

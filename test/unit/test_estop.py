@@ -5,8 +5,7 @@ from typing import List, Optional, Tuple
 
 import pytest
 
-from smokebot_udp.teleop.estop import EstopClient, EstopLatch
-from smokebot_udp.teleop.estop_input import MAX_SOURCES, EstopInput
+from smokebot_udp.teleop.estop import MAX_SOURCES, EstopClient, EstopInput, EstopLatch
 from smokebot_udp.teleop.records import Status, Wish
 from smokebot_udp.teleop.requests import MAX_AGE, MAX_AHEAD, SUPERSEDED, RequestClient
 

@@ -13,7 +13,7 @@ from smokebot_udp.streams.frame_assembler import (
     FrameAssemblers,
 )
 from smokebot_udp.streams.frame_end import FIRST_MARGIN
-from smokebot_udp.streams.recent import MAX_SOURCES
+from smokebot_udp.streams.segments import MAX_SOURCES
 
 S = 10 ** 9
 SIZE = 64            # 64 subimages of one pixel

@@ -17,8 +17,7 @@ from smokebot_udp.mission.settings import SettingsStore
 from smokebot_udp.nodes import live as module
 from smokebot_udp.nodes import parameter_watch
 from smokebot_udp.nodes.live import LiveSettings, publish_all
-from smokebot_udp.nodes.live_description import config_type
-from smokebot_udp.nodes.live_server import serve
+from smokebot_udp.nodes.live_server import config_type, serve
 from smokebot_udp.nodes.parameter_watch import ParameterWatch
 from smokebot_udp.streams import TYPES, tables
 from smokebot_udp.udpros import master

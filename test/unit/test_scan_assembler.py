@@ -8,9 +8,8 @@ import pytest
 from sensor_msgs.msg import LaserScan
 
 from evaluation.offline_link import assemble_all, operator_side
-from smokebot_udp.codecs.wire.scan import in_millimetres
+from smokebot_udp.codecs.wire.scan import FIXED, in_millimetres
 from smokebot_udp.streams.scan.encoder import scan_frames
-from smokebot_udp.streams.scan.fields import FIXED
 
 
 def scanner(count: int = 720) -> LaserScan:

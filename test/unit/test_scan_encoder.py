@@ -9,12 +9,11 @@ from hypothesis import strategies as st
 from sensor_msgs.msg import LaserScan
 
 from evaluation.linked_encoder import LinkedEncoder
-from smokebot_udp.codecs.wire.scan import ScanParts, in_millimetres
+from smokebot_udp.codecs.wire.scan import FIXED, ScanParts, in_millimetres
 from smokebot_udp.mission.parameters import check
 from smokebot_udp.mission.settings import Settings
 from smokebot_udp.msg import ScanSegment
 from smokebot_udp.streams.scan.encoder import ScanEncoder, corrected
-from smokebot_udp.streams.scan.fields import FIXED
 from smokebot_udp.streams.segments import size_on_air
 from smokebot_udp.udpros.datagram import OVERHEAD
 

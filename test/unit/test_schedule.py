@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smokebot_udp.streams.schedule import Schedule
+from smokebot_udp.streams.segments import MAX_SOURCES
 
 
 def test_the_newest_is_taken_when_its_turn_comes() -> None:
@@ -162,3 +163,11 @@ def test_what_is_due_can_be_taken(steps: List) -> None:
         if taken is not None:
             schedule.sent(now)
         assert (taken is not None or schedule.take_repeat(now)) == due
+
+
+def test_only_some_sources_are_remembered() -> None:
+    schedule: Schedule[str] = Schedule(10.0)
+    for number in range(3 * MAX_SOURCES):
+        schedule.put('item', 0.01 * number, 'source %d' % number)
+    assert schedule.active(0.3) == MAX_SOURCES
+    assert schedule.waiting('source 0') is None and schedule.waiting('source %d' % (3 * MAX_SOURCES - 1)) == 'item'

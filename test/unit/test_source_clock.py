@@ -6,7 +6,6 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.streams.recent import MAX_SOURCES, Recent
 from smokebot_udp.streams.source_clock import OTHER_EPOCH, PROOF, REPEATED, REPEATS, SourceClock
 
 S = 10 ** 9
@@ -126,15 +125,3 @@ def test_what_crosses_identifies_a_message(times: List[Tuple[int, int]]) -> None
         if given_:
             assert not crossed or given_ > crossed[-1]
             crossed.append(given_)
-
-
-def test_only_some_sources_are_remembered() -> None:
-    made: List[List[int]] = []
-    sources: Recent[List[int]] = Recent(lambda: made.append([]) or made[-1])    # type: ignore[func-returns-value]
-    first = sources.of('first')
-    for number in range(MAX_SOURCES - 1):
-        sources.of('source %d' % number)
-    assert sources.of('first') is first and len(sources.all()) == MAX_SOURCES
-    sources.of('one more')
-    assert sources.of('first') is first and len(sources.all()) == MAX_SOURCES
-    assert sources.of('source 0') is made[-1] and len(made) == MAX_SOURCES + 2

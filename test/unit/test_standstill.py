@@ -17,9 +17,9 @@ def every(step: float, begin: float, end: float) -> List[float]:
 def test_it_stands_after_half_a_second() -> None:
     detector = StandstillDetector()
     for now in every(0.1, 10.0, 10.4):
-        detector.odometry(0.0, 0.0, now)
+        detector.velocity('odometry', 0.0, 0.0, now)
         assert not detector.is_still(now)
-    detector.odometry(0.0, 0.0, 10.51)
+    detector.velocity('odometry', 0.0, 0.0, 10.51)
     assert detector.is_still(10.51)
 
 
@@ -30,18 +30,18 @@ def test_slower_than_the_limits_is_standing(speed: float, turn_rate: float, stan
     for tell in ('odometry', 'command'):
         detector = StandstillDetector()
         for now in every(0.1, 0.0, 1.0):
-            getattr(detector, tell)(speed, turn_rate, now)
+            detector.velocity(tell, speed, turn_rate, now)
         assert detector.is_still(1.0) is stands
 
 
 def test_it_moves_at_once() -> None:
     detector = StandstillDetector()
     for now in every(0.1, 0.0, 2.0):
-        detector.odometry(0.0, 0.0, now)
+        detector.velocity('odometry', 0.0, 0.0, now)
     assert detector.is_still(2.0)
-    detector.odometry(0.1, 0.0, 2.05)
+    detector.velocity('odometry', 0.1, 0.0, 2.05)
     assert not detector.is_still(2.05)
-    detector.odometry(0.0, 0.0, 2.1)
+    detector.velocity('odometry', 0.0, 0.0, 2.1)
     assert not detector.is_still(2.1) and not detector.is_still(2.5) and detector.is_still(2.7)
 
 
@@ -56,12 +56,12 @@ def test_odometry_is_believed_before_commands_and_those_before_pictures() -> Non
     detector = StandstillDetector()
     for now in every(0.1, 0.0, 2.0):
         detector.images(0.9, now)
-        detector.command(0.0, 0.0, now)
-        detector.odometry(0.5, 0.0, now)
+        detector.velocity('command', 0.0, 0.0, now)
+        detector.velocity('odometry', 0.5, 0.0, now)
     assert detector.source(2.0) == 'odometry' and not detector.is_still(2.0)
     for now in every(0.1, 2.1, 3.2):
         detector.images(0.9, now)
-        detector.command(0.0, 0.0, now)
+        detector.velocity('command', 0.0, 0.0, now)
     assert detector.source(3.2) == 'command' and detector.is_still(3.2)
     for now in every(0.1, 3.3, 4.4):
         detector.images(0.9, now)
@@ -75,18 +75,18 @@ def test_odometry_is_believed_before_commands_and_those_before_pictures() -> Non
 def test_what_it_did_while_silent_nobody_knows() -> None:
     detector = StandstillDetector()
     for now in every(0.1, 0.0, 1.0):
-        detector.odometry(0.0, 0.0, now)
+        detector.velocity('odometry', 0.0, 0.0, now)
     assert detector.is_still(1.9) and not detector.is_still(2.1)
-    detector.odometry(0.0, 0.0, 3.0)
+    detector.velocity('odometry', 0.0, 0.0, 3.0)
     assert not detector.is_still(3.0) and detector.is_still(3.6)
 
 
 def test_a_clock_set_back() -> None:
     detector = StandstillDetector()
     for now in every(0.1, 100.0, 101.0):
-        detector.odometry(0.0, 0.0, now)
+        detector.velocity('odometry', 0.0, 0.0, now)
     assert detector.is_still(101.0) and not detector.is_still(5.0)
-    detector.odometry(0.0, 0.0, 5.0)
+    detector.velocity('odometry', 0.0, 0.0, 5.0)
     assert not detector.is_still(5.0) and detector.is_still(5.6)
 
 
@@ -101,7 +101,7 @@ def test_as_reckoned_from_all_that_was_told(told: Any) -> None:
         if source == 'images':
             detector.images(0.0 if still else 1.0, now)
         else:
-            getattr(detector, source)(0.0 if still else 1.0, 0.0, now)
+            detector.velocity(source, 0.0 if still else 1.0, 0.0, now)
         assert detector.is_still(now) == reckoned(said, now)
         assert detector.is_still(now + 0.7) == reckoned(said, now + 0.7)
 

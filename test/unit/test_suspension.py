@@ -5,7 +5,7 @@ from typing import List, Tuple
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.teleop.suspension import MIN_SUSPENSION, Suspension
+from smokebot_udp.teleop.stall import MIN_SUSPENSION, Suspension
 
 delays = st.floats(0, 5)
 

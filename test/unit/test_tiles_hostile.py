@@ -12,7 +12,7 @@ from tile_sender import TileSender, info_of
 from smokebot_udp.codecs.tiles.rectangle import Rectangle
 from smokebot_udp.streams.grid.canvas import MAX_REVISION
 from smokebot_udp.streams.grid.identified_map import CANDIDATE_TIMEOUT, MAX_CANDIDATES
-from smokebot_udp.streams.grid.repetitions import LATENESS
+from smokebot_udp.streams.grid.tiled_map import LATENESS
 
 CELLS = rooms()
 INFO = info_of(CELLS, (-3.0, 2.0))

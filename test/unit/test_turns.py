@@ -10,8 +10,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from std_msgs.msg import String
 
-from smokebot_udp.streams.relay.contents import MAX_CONTENTS
-from smokebot_udp.streams.relay.turns import Turns
+from smokebot_udp.streams.relay.contents import MAX_CONTENTS, Turns
 
 NODELETS = 5
 

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 import pytest
 
-from smokebot_udp.web.access import SESSION_LIFE, TRIES, TRY_PERIOD, Access, Refused, Role
-from smokebot_udp.web.origins import is_local, is_own
+from smokebot_udp.web.access import SESSION_LIFE, TRIES, TRY_PERIOD, Access, Refused, Role, is_local, is_own
 
 PAGE, DRIVER = bytes(range(32)), bytes(range(100, 132))
 

@@ -10,14 +10,14 @@ import functools
 import os
 import pathlib
 import sys
-from typing import Any, Dict, List, Optional, Sequence, Tuple
+from typing import Any, Dict, Iterable, List, Mapping, Optional, Sequence, Tuple
 
 import rospkg
 
 from .. import optional
 from ..streams import config
 from ..streams.recorded_topics import recorded_streams
-from . import bags, film_strip, page, plots, sides
+from . import bags, film_strip, page, plots
 from .mission import Mission
 from .record import SIDES, Description, MissionRecord, Stream
 
@@ -121,7 +121,7 @@ def _described(opened: Sequence[bags.BagFile], streams: str, problems: List[str]
         description = bag.description
         if description is None:
             loaded = _load(streams)
-            description = sides.described(bag.topics, *loaded)
+            description = described(bag.topics, *loaded)
         if description is None:
             problem = '%s is of neither side: it has no topic of a stream (--streams FILE names the streams)' % bag.path
             print('mission_report: %s' % problem, file=sys.stderr)
@@ -131,9 +131,9 @@ def _described(opened: Sequence[bags.BagFile], streams: str, problems: List[str]
         descriptions.append(description)
     if not used:
         raise Failure('no bag can be used')
-    contradiction = sides.contradiction(descriptions)
-    if contradiction:
-        raise Failure(contradiction)
+    problem = contradiction(descriptions)
+    if problem:
+        raise Failure(problem)
     return used, descriptions
 
 
@@ -158,3 +158,33 @@ def _resolve(side: str, name: str) -> str:
     """A topic's full name, without a namespace."""
     node = '/robot_sender/' if side == 'robot' else '/operator_receiver/'
     return node + name[1:] if name.startswith('~') else '/' + name.lstrip('/')
+
+
+def described(topics: Iterable[str], streams: Mapping[str, Stream], names: Mapping[str, Mapping[str, List[str]]]
+              ) -> Optional[Description]:
+    """What can be said of a bag that the black box has not recorded; None: it has no topic of a stream.
+
+    :param topics: of the bag
+    :param streams: of a streams.yaml
+    :param names: {side: {stream: its topics there}}; those of the operator's side may be in a namespace
+    """
+    topics = list(topics)
+    roles: Dict[str, List[Tuple[str, str]]] = {}
+    for side in SIDES:
+        for name, expected in names[side].items():
+            for topic in topics:
+                if any(topic == one or (side == 'operator' and topic.endswith(one)) for one in expected):
+                    roles.setdefault(topic, []).append((side, name))
+    counts = {side: sum(side in {one for one, _ in found} for found in roles.values()) for side in SIDES}
+    if not roles:
+        return None
+    return Description(max(SIDES, key=lambda side: counts[side]), '/', dict(streams), roles)
+
+
+def contradiction(descriptions: Iterable[Description]) -> str:
+    """Why these are not bags of one mission, in words; empty: they may be."""
+    found = sorted({one.namespace for one in descriptions if one.side == 'operator'})
+    if len(found) > 1:
+        return 'the bags are of several operators, %s: give those of one' % ', '.join(
+            name.strip('/') or 'one without a name' for name in found)
+    return ''

@@ -7,7 +7,6 @@ from typing import Callable, Dict, List, Mapping, NamedTuple, Optional, Sequence
 import numpy as np
 
 from ..arrays import FloatArray
-from .clock import RobotClock
 from .record import OPERATOR, ROBOT, SIDES, MissionRecord, State
 
 Kept = TypeVar('Kept')
@@ -25,6 +24,31 @@ class Interval(NamedTuple):
     @property
     def duration(self) -> float:
         return self.end - self.begin
+
+
+class RobotClock:
+    """Converts the operator's times: all times of the report are by the robot's clock, as the stamps are.
+
+    :param offsets: {time by the operator's clock: the robot's clock minus the operator's} [s]; empty: unknown, they are
+        taken for the same
+    """
+
+    def __init__(self, offsets: Mapping[float, float]) -> None:
+        self._times = np.array(sorted(offsets))
+        self._offsets = np.array([offsets[time] for time in sorted(offsets)])
+
+    @property
+    def is_known(self) -> bool:
+        return len(self._times) > 0
+
+    @property
+    def median(self) -> float:
+        """The median offset [s]; 0: unknown."""
+        return float(np.median(self._offsets)) if self.is_known else 0.0
+
+    def of_operator(self, times: FloatArray) -> FloatArray:
+        """The operator's times by the robot's clock, (n,) [s]: between estimates the offset is interpolated."""
+        return times + np.interp(times, self._times, self._offsets) if self.is_known else times
 
 
 class Mission:

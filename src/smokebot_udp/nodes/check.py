@@ -30,7 +30,7 @@ from ..msg import LinkStatus
 from ..serialised import serialised
 from ..streams import KINDS, config, encoder_class, live_tables
 from ..streams.config import Streams
-from ..streams.encoder import Deriver, LinkView
+from ..streams.encoder import LinkView
 from ..streams.message_types import action_types
 from ..streams.relay.parameters import TO_ROBOT
 from ..streams.segments import size_on_air
@@ -124,11 +124,9 @@ def cost_of(stream: Checked, message: Any) -> Tuple[Optional[Cost], str]:
         found = next((class_ for class_ in classes if class_._type == message._connection_header['type']), None)
         if found is None:
             return None, ''
-        merged = encoder.merge(None, read(message, found))
-        if isinstance(encoder, Deriver):
-            merged = encoder.derive(merged, settings)
+        derived = encoder.derive(encoder.merge(None, read(message, found)), settings)
         link = LinkView(ROBOT_SENDER['max_datagram_size'].default, source_rate=stream.heard.rate)
-        frames = encoder.encode(merged, settings, link).frames
+        frames = encoder.encode(derived, settings, link).frames
         rate = min(stream.settings['rate'], stream.heard.rate)
         points = [] if encoder.protected else encoder.operating_points(rate, settings)
     except ValueError as error:

@@ -49,7 +49,7 @@ class MaskOutput(_Output):
                 data=assembled.mask().tobytes()))
 
 
-class ViewOutput:
+class ViewOutput(Part):
     """Publishes an annotated colour image for display.
 
     :param clock_offset: f() -> the robot's clock minus the operator's [s]
@@ -57,19 +57,17 @@ class ViewOutput:
     """
 
     def __init__(self, topic: str, settings: SettingsStore, clock_offset: Callable[[], float], notice: Notice) -> None:
-        self._view, self._notice = ViewPublisher(settings.current, clock_offset), notice
+        super().__init__()
+        self._view = self._opened.add(ViewPublisher(settings.current, clock_offset))
         settings.subscribe(self._view.configure)
         notice.subscribe(self._view.set_notice)
+        self._opened.callback(notice.unsubscribe, self._view.set_notice)
 
     def show(self, assembled: ShownImage) -> None:
         """Publish the view of an image soon."""
         image = assembled.message
         self._view.show(image_pixels(image), image.encoding, image.header, assembled.known_ratio, error=assembled.error,
                         arrival=assembled.arrival)
-
-    def close(self) -> None:
-        self._notice.unsubscribe(self._view.set_notice)
-        self._view.close()
 
 
 class CameraInfoOutput(_Output):

@@ -3,7 +3,7 @@
 import math
 import threading
 import time
-from typing import Any, Callable, Optional
+from typing import Any, Optional
 
 import rospy
 from geometry_msgs.msg import Twist
@@ -25,9 +25,9 @@ class MotionListener(Part):
         self._detector = StandstillDetector()
         self._lock = threading.Lock()
         self._opened.topic(rospy.Subscriber(
-            odom_topic, Odometry, lambda m: self._note(self._detector.odometry, m.twist.twist), queue_size=1))
+            odom_topic, Odometry, lambda m: self._note('odometry', m.twist.twist), queue_size=1))
         self._opened.topic(rospy.Subscriber(
-            cmd_vel_topic, Twist, lambda m: self._note(self._detector.command, m), queue_size=1))
+            cmd_vel_topic, Twist, lambda m: self._note('command', m), queue_size=1))
 
     def images_compared(self, changed: Optional[float]) -> None:
         """Note the comparison of two images: the share of their cells that differ; None: not comparable."""
@@ -39,7 +39,7 @@ class MotionListener(Part):
         with self._lock:
             return self._detector.is_still(time.monotonic())
 
-    def _note(self, source: Callable[[float, float, float], None], twist: Any) -> None:
+    def _note(self, source: str, twist: Any) -> None:
         speed = math.sqrt(twist.linear.x ** 2 + twist.linear.y ** 2 + twist.linear.z ** 2)
         with self._lock:
-            source(speed, twist.angular.z, time.monotonic())
+            self._detector.velocity(source, speed, twist.angular.z, time.monotonic())

@@ -23,7 +23,7 @@ from ..msg import ControlRequest, ControlStatus
 from ..teleop import records
 from ..teleop.command_copy import MICROSECONDS
 from ..teleop.control_client import ControlClient
-from ..teleop.estop_input import EstopInput
+from ..teleop.estop import EstopInput
 from ..teleop.interlock import START_FROM_NEUTRAL
 from ..teleop.records import Wish
 from ..teleop.robot_clock import RobotClock, RobotTime
@@ -54,8 +54,6 @@ IN_CONTROL = 'in control'
 
 FROM_REST = IN_CONTROL + ': start at rest'
 """The state where a neutral command has to come first: after an emergency stop, or a lock."""
-
-"""The state in which commands leave and are obeyed."""
 
 DONE = {Wish.TAKE_CONTROL: 'this operator drives', Wish.RELEASE_CONTROL: 'nobody drives',
         Wish.ENGAGE_ESTOP: 'the emergency stop is engaged', Wish.RELEASE_ESTOP: 'the emergency stop is released'}

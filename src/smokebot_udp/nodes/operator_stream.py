@@ -93,8 +93,8 @@ class OperatorStream:
         self.received, self.published = 0, 0
         self._busy = 0.0        # the worker, so far [s]
         self.last_shown: Optional[float] = None
-        self._intervals: Deque[float] = collections.deque(maxlen=INTERVALS)     # between the last messages shown [s]
         """When a message was published last, by time.monotonic() [s]."""
+        self._intervals: Deque[float] = collections.deque(maxlen=INTERVALS)     # between the last messages shown [s]
         self.last_stamp: Optional[int] = None
         """Stamp of the message that was published last [ns]."""
         self._last_age: Optional[float] = None      # its age then, but for the offset of the robot's clock [s]

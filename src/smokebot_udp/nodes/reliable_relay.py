@@ -19,9 +19,8 @@ from ..reliable.bounds import Bounds
 from ..serialised import deserialised, serialised
 from ..streams import live_tables
 from ..streams.message_types import message_class
-from ..streams.relay.contents import QUEUE, Contents, kept_together, publisher_of
+from ..streams.relay.contents import QUEUE, Contents, Turns, kept_together, publisher_of
 from ..streams.relay.parameters import LEVEL_VALUES, LOG, TO_OPERATOR, TO_ROBOT
-from ..streams.relay.turns import Turns
 from .channel import Channel, ChannelKind, ChannelListener
 from .reliable_link import ReliableLink
 from .way import WayBackStream

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """When a program is started again that has ended."""
+from ..backoff import Backoff
 
 STABLE_TIME = 10.0
 """A program that ran for this time is started again soon; otherwise later and later [s]."""
@@ -12,7 +13,7 @@ class Restarts:
     """The delays of one program."""
 
     def __init__(self) -> None:
-        self._delay = MIN_DELAY
+        self._delays = Backoff(MIN_DELAY, MAX_DELAY)
 
     def delay(self, lifetime: float) -> float:
         """Time until it has to be started again [s].
@@ -20,6 +21,5 @@ class Restarts:
         :param lifetime: how long it ran [s]
         """
         if lifetime >= STABLE_TIME:
-            self._delay = MIN_DELAY
-        delay, self._delay = self._delay, min(2 * self._delay, MAX_DELAY)
-        return delay
+            self._delays.reset()
+        return self._delays.take()

@@ -24,7 +24,7 @@ from ..streams.relay.parts import carried
 from ..streams.segments import wire_topic
 from ..teleop.command_copy import Copy
 from ..teleop.command_gate import CommandGate
-from ..teleop.suspension import Suspension
+from ..teleop.stall import Suspension
 from ..teleop.timeout import CommandTimeout, State
 from ..transport import Subscriber
 from ..udpros.records import has_header

@@ -28,13 +28,13 @@ from ..monitoring import stages
 from ..monitoring.sources import TOPIC, Source
 from ..monitoring.stats import PAUSED, ConnectionStats, StreamStats
 from ..monitoring.windows import Rate
+from ..newest import Newest
 from ..streams.encoder import Encoded, Encoder, LinkView
 from ..streams.held import Holding
 from ..streams.outlook import Outlook
-from ..streams.recent import Recent
 from ..streams.repetition_budget import RepetitionBudget
 from ..streams.schedule import Schedule
-from ..streams.segments import ARRIVAL, reported_name, wire_topic
+from ..streams.segments import ARRIVAL, MAX_SOURCES, reported_name, wire_topic
 from ..streams.source_clock import SourceClock
 from ..transport import Publisher, Transport
 from ..udpros.datagram import IP_UDP_HEADERS
@@ -123,7 +123,7 @@ class RobotStream(rospy.SubscribeListener):
         self._inputs: List[Any] = []    # subscribers, made by start()
         self._invalid = 0
         self._stamp: Any = None         # of the last message encoded
-        self._source_clocks: Recent[SourceClock] = Recent(SourceClock)     # by the names of frames
+        self._source_clocks: Newest[str, SourceClock] = Newest(MAX_SOURCES)     # by the names of frames
         self._last: Optional[_Waiting] = None   # the last message, where the encoder encodes it again
         self._source, self._source_rate = Rate(SOURCE_RATE_OVER), None  # type: Rate, Optional[float]
         self.outlook = Outlook()
@@ -330,7 +330,7 @@ class RobotStream(rospy.SubscribeListener):
             header.stamp = now
         warnings: List[str] = []
         try:
-            return self._source_clocks.of(name).take(header.stamp.to_nsec(), now.to_nsec(), warnings)
+            return self._source_clocks.of(name, SourceClock).take(header.stamp.to_nsec(), now.to_nsec(), warnings)
         finally:
             self.encoder.warnings.extend('frame %r: %s' % (name, warning) for warning in warnings)     # logged soon
 

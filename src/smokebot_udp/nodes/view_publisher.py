@@ -16,6 +16,7 @@ from ..limited_log import logerr
 from ..msg import ViewImage
 from ..streams.image.view import Judged, View, ViewedImage
 from .common import operator_topic
+from .opened import Part
 from .worker import DeadlineWorker
 
 PLAIN = '/plain'
@@ -25,7 +26,7 @@ COLOURS = 16
 """Number of colours of the palette in ViewImage."""
 
 
-class ViewPublisher:
+class ViewPublisher(Part):
     """Publishes sensor_msgs/Image bgr8 with the source's header, as streams.image.view.View decides, and
     ViewImage on its topic with PLAIN appended.
 
@@ -37,15 +38,15 @@ class ViewPublisher:
     """
 
     def __init__(self, settings: Mapping[str, Any], clock_offset: Callable[[], float], frame: str = '') -> None:
+        super().__init__()
         self._clock_offset = clock_offset
         self._settings = settings
         self._view = View(settings, Header(frame_id=frame))
-        self._plain = rospy.Publisher(operator_topic(settings['view_topic']) + PLAIN, ViewImage, queue_size=2,
-                                      tcp_nodelay=True)
-        self._publisher = rospy.Publisher(operator_topic(settings['view_topic']), Image, queue_size=2, tcp_nodelay=True)
-        self._worker: DeadlineWorker[ViewedImage] = DeadlineWorker(
-            'view', lambda now: self._view.poll(now, self.wanted), self._view.deadline, self._publish, self._report)
-        self._worker.start()
+        topic = operator_topic(settings['view_topic'])
+        self._plain = self._opened.topic(rospy.Publisher(topic + PLAIN, ViewImage, queue_size=2, tcp_nodelay=True))
+        self._publisher = self._opened.topic(rospy.Publisher(topic, Image, queue_size=2, tcp_nodelay=True))
+        self._worker: DeadlineWorker[ViewedImage] = self._opened.started(DeadlineWorker(
+            'view', lambda now: self._view.poll(now, self.wanted), self._view.deadline, self._publish, self._report))
 
     @property
     def wanted(self) -> bool:
@@ -80,11 +81,6 @@ class ViewPublisher:
         with self._worker.changing():
             self._view.add(ViewedImage(header, completeness, age, time.monotonic(), pixels, encoding,
                                        error=error, at_least=bool(arrival)))
-
-    def close(self) -> None:
-        self._worker.close()
-        self._publisher.unregister()
-        self._plain.unregister()
 
     def _publish(self, image: ViewedImage) -> None:
         now = time.monotonic()

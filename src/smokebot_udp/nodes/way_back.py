@@ -1,19 +1,57 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The way back: all streams of a node by which operators command the robot, and those that are acknowledged."""
-from typing import Callable, Dict, List, Mapping
+"""The way back: all streams of a node by which operators command the robot, and those that are acknowledged; among them
+both sides of reliable relays."""
+from typing import Any, Callable, Dict, List, Mapping, Type
+
+import rospy
 
 from ..mission.settings import SettingsStore
 from ..monitoring.status import OPERATOR, ROBOT, Status
 from ..streams import Definitions
-from .common import Parameters, start_streams
+from ..streams.frame_prefix import add_prefix, strip_prefix
+from ..streams.relay.parameters import DIAGNOSTICS, TO_OPERATOR
+from .common import Parameters, operator_topic, start_streams
+from .diagnostics_relay import DiagnosticsSink, DiagnosticsSource
 from .operator_action import OperatorAction
 from .operator_command import OperatorCommand
 from .operator_service import OperatorService
-from .relays import operator_relay, robot_relay
+from .reliable_relay import NewestSource, ReliableRelay, Sink, Source
 from .robot_action import RobotAction
 from .robot_command import RobotCommand
 from .robot_service import RobotService
-from .way import Way, WayBackStream
+from .way import OperatorWay, RobotWay, Way, WayBackStream
+
+
+def robot_relay(name: str, settings: Mapping[str, Any], way: RobotWay) -> ReliableRelay:
+    """The robot's side of a relay."""
+    topic = rospy.resolve_name(settings['robot_topic'])
+    if settings['direction'] == TO_OPERATOR:
+        return _source(settings)(name, settings, way.reliable, topic)
+    if settings['needs_control']:
+        return _sink(settings)(name, settings, way.reliable, topic,
+                               refusal=lambda peer: way.control.standing.refusal(peer))
+    return _sink(settings)(name, settings, way.reliable, topic)
+
+
+def operator_relay(name: str, settings: Mapping[str, Any], way: OperatorWay) -> ReliableRelay:
+    """The operator's side of a relay. Frames have the operator's prefix on its side only."""
+    topic, prefix = operator_topic(settings['operator_topic']), way.frame_prefix
+    if settings['direction'] == TO_OPERATOR:
+        return _sink(settings)(name, settings, way.reliable, topic, lambda message: add_prefix(message, prefix))
+    return _source(settings)(name, settings, way.reliable, topic, lambda message: strip_prefix(message, prefix))
+
+
+def _source(settings: Mapping[str, Any]) -> Type[Source]:
+    """The class of the side that sends."""
+    if not settings['newest']:
+        return Source
+    return DiagnosticsSource if settings['message_type'] == DIAGNOSTICS else NewestSource
+
+
+def _sink(settings: Mapping[str, Any]) -> Type[Sink]:
+    """The class of the side that receives."""
+    return DiagnosticsSink if settings['newest'] and settings['message_type'] == DIAGNOSTICS else Sink
+
 
 MAKERS: Dict[str, Mapping[str, Callable[..., WayBackStream]]] = {
     ROBOT: {'command': RobotCommand, 'relay': robot_relay, 'service': RobotService, 'action': RobotAction},

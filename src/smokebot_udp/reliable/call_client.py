@@ -6,13 +6,36 @@ from dataclasses import dataclass
 from typing import Callable, Counter, Dict, NamedTuple, Optional
 
 from .calls import GREETING, MAX_CALLS, MAX_SIZE, Outcome, Request, unpack_answer
-from .clock_bound import ClockBound
+
+CLOCK_WINDOW = 60.0
+"""Clocks drift apart: what is older than two windows is forgotten once there is something newer [s]."""
 
 MAX_BYTES = 4 << 20
 """Size of all requests in flight together, at most [byte]."""
 
 Done = Callable[[Outcome], None]
 """Called once for each call, from any of the client's methods."""
+
+
+class ClockBound:
+    """A lower bound of another node's steady clock; it is low by the time that the fastest message took."""
+
+    def __init__(self) -> None:
+        self._begun = -math.inf     # of the window
+        self._offset = self._before = -math.inf     # in this window, in the one before
+
+    def add(self, sent: float, now: float) -> None:
+        """A message came.
+
+        :param sent: when, by the other clock [s]
+        """
+        if now - self._begun > CLOCK_WINDOW:
+            self._begun, self._before, self._offset = now, self._offset, -math.inf
+        self._offset = max(self._offset, sent - now)
+
+    def at(self, now: float) -> float:
+        """The least that the other clock shows at a time of this one [s]; -infinity: unknown."""
+        return now + max(self._offset, self._before)
 
 
 class Message(NamedTuple):

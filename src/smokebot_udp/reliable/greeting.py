@@ -15,6 +15,7 @@ import collections
 import math
 from typing import Callable, Deque, Optional
 
+from ..backoff import Backoff
 from ..budget import Budget
 from .segment import Kind, Segment
 
@@ -55,7 +56,8 @@ class Greeting:
 
     def _begin(self, now: float) -> None:
         """Ask from now on."""
-        self._tries, self._interval, self._due, self._asked = 0, MIN_INTERVAL, now, now
+        self._tries, self._due, self._asked = 0, now, now
+        self._pauses = Backoff(MIN_INTERVAL, MAX_INTERVAL)
 
     def restart(self, now: float) -> None:
         """The peer has just been connected: greet it at once, if that is of use."""
@@ -123,9 +125,7 @@ class Greeting:
     def _ask(self, now: float) -> None:
         self._tries += 1
         self._asked = now
-        if self.remote and self._tries > MAX_TRIES:
-            self._interval = LONG_INTERVAL
-        self._due, self._interval = now + self._interval, min(2 * self._interval, MAX_INTERVAL)
+        self._due = now + (LONG_INTERVAL if self.remote and self._tries > MAX_TRIES else self._pauses.take())
 
     def deadline(self) -> float:
         """When `poll` has a greeting next [s]; infinite: never."""

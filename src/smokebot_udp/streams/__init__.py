@@ -17,6 +17,9 @@ KINDS = {'cloud': 'Cloud', 'grid': 'Grid', 'image': 'Image', 'relay': 'Relay', '
          'virtual_scan': 'VirtualScan'}
 """{`type` in streams.yaml, name of a sub-package: first part of its classes' names}, of those with an encoder"""
 
+RECEIVED_AS = {'virtual_scan': 'scan'}
+"""{type that crosses as another one does: that one}"""
+
 TYPES = tuple(sorted([*KINDS, *EXCHANGES]))
 """All values of `type`."""
 
@@ -84,6 +87,7 @@ def encoder_class(kind: str) -> Type[Encoder[Any]]:
 
 def assembler_class(kind: str) -> Type[Assembler[Any, Any]]:
     """The class of the operator's side of this type, one of KINDS."""
+    kind = RECEIVED_AS.get(kind, kind)
     found: Type[Assembler[Any, Any]] = getattr(
         importlib.import_module('.%s.assembler' % kind, __name__), KINDS[kind] + 'Assembler')
     return found

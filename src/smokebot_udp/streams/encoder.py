@@ -19,10 +19,8 @@ from typing import (
     Mapping,
     NamedTuple,
     Optional,
-    Protocol,
     Sequence,
     TypeVar,
-    runtime_checkable,
 )
 
 from .. import traffic
@@ -34,8 +32,7 @@ from ..udpros.frame import Frame
 from .held import Holding
 from .outlook import Outlook
 from .parameters import ROBOT
-from .recent import MAX_SOURCES
-from .segments import MAIN_PART
+from .segments import MAIN_PART, MAX_SOURCES
 
 Message = TypeVar('Message')
 """What `merge` returns and `encode` takes: mostly a ROS message."""
@@ -191,10 +188,18 @@ class Encoder(Generic[Message]):
         newest: Message = message
         return newest
 
+    def derive(self, message: Any, settings: Settings) -> Any:
+        """What is encoded of a message from `merge`: the message itself, unless a kind makes another one of it, which
+        is published on the robot as well.
+
+        :raises ValueError: saying what is wrong with the message
+        """
+        return message
+
     def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
         """What is to be sent of a message.
 
-        :param message: from `merge`
+        :param message: from `derive`
         :raises ValueError: saying what is wrong with the message
         """
         raise NotImplementedError
@@ -236,17 +241,3 @@ class Encoder(Generic[Message]):
         :param spare: [byte/s]
         """
         return dict(point)
-
-
-@runtime_checkable
-class Deriver(Protocol):
-    """An encoder of messages that are made of those of its source. They are also published on the robot, at the
-    requested rate, on the topic that the setting `scan_topic` names."""
-    DERIVED: Any
-    """Class of these messages."""
-
-    def derive(self, message: Any, settings: Settings) -> Any:
-        """What is published and then encoded, of class DERIVED.
-
-        :raises ValueError: saying what is wrong with the message
-        """

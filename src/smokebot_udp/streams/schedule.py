@@ -6,8 +6,9 @@ Without threads or a clock: times are arguments [s, any steady clock].
 import math
 from typing import Generic, Optional, TypeVar
 
+from ..newest import Newest
 from .rate import RateLimiter
-from .recent import Recent
+from .segments import MAX_SOURCES
 
 Item = TypeVar('Item')
 
@@ -62,26 +63,26 @@ class Schedule(Generic[Item]):
         self.replaced = 0
         """Number of items that were replaced by newer ones."""
         self._rate, self._steady = rate, steady
-        self._sources: Recent[_Source[Item]] = Recent(lambda: _Source(self._rate))
+        self._sources: Newest[str, _Source[Item]] = Newest(MAX_SOURCES)
         self._sent: Optional[float] = None      # when something was sent last; -inf: a repeat is due now
 
     def set_rate(self, rate: float) -> None:
         """Change the maximum rate of items [Hz]; what was taken before still counts."""
         self._rate = rate
-        for source in self._sources.all():
+        for source in list(self._sources.values()):
             source.limiter.rate = rate
 
     def waiting(self, name: str = '') -> Optional[Item]:
         """What waits of a source."""
-        return self._sources.of(name).waiting
+        return self._source(name).waiting
 
     def active(self, now: float) -> int:
         """How many sources put something not long ago; at least 1."""
-        return max(1, sum(now - source.put < ACTIVE for source in self._sources.all()))
+        return max(1, sum(now - source.put < ACTIVE for source in self._sources.values()))
 
     def put(self, item: Item, now: float, name: str = '') -> None:
         """An item of a source is to be taken, in place of the one that waits."""
-        source = self._sources.of(name)
+        source = self._source(name)
         self.replaced += source.waiting is not None and source.waiting is not item
         source.waiting = item
         source.put, source.gap = now, max(0.0, now - source.put)
@@ -116,9 +117,12 @@ class Schedule(Generic[Item]):
         due = min(self._repeat_due(), math.inf if source is None else source.due(self._steady))
         return None if due == math.inf else due
 
+    def _source(self, name: str) -> _Source[Item]:
+        return self._sources.of(name, lambda: _Source(self._rate))
+
     def _first(self) -> Optional[_Source[Item]]:
         """The source whose item is due first; None: there is no source."""
-        sources = self._sources.all()
+        sources = self._sources.values()
         return min(sources, key=lambda source: (source.due(self._steady), source.put)) if sources else None
 
     def _repeat_due(self) -> float:

@@ -30,6 +30,10 @@ INFO = 'camera_info'
 TILES = 'tiles'
 """The part of a stream of maps that carries tiles."""
 
+MAX_SOURCES = 8
+"""Number of sources of one stream whose state is remembered, such as the echoes of one scanner: their frame_id, which
+comes from messages and from the network, tells them apart."""
+
 
 def wire_topic(name: str, part: str = MAIN_PART) -> str:
     """The topic on which a stream's segments are sent: the same for all nodes, whatever their namespaces."""

@@ -19,6 +19,7 @@ import rospy.names
 from rospy.impl.registration import get_topic_manager
 from rospy.impl.tcpros import get_tcpros_handler
 
+from ..backoff import Backoff
 from ..limited_log import WARNING_PERIOD, logerr, logwarn
 from . import rpc
 from .endpoints import SHORT_BUFFER, DatagramReceiver, addresses_of
@@ -119,7 +120,7 @@ class Connector:
 
     def _persist(self, impl: UdpSubscriberImpl, uri: str, negotiation: '_Negotiation') -> ApiResult:
         """Attempt until the publisher answers, publishes no longer, or has ended."""
-        period, begun, failures = rpc.RETRY_PERIOD, time.monotonic(), 0
+        pauses, begun, failures = Backoff(rpc.RETRY_PERIOD, rpc.MAX_RETRY_PERIOD), time.monotonic(), 0
         while uri in impl.publishers and not impl.closed and not self._ended.is_set():
             if not impl.options.wanted():       # that is known here: the period does not grow
                 self._ended.wait(rpc.RETRY_PERIOD)
@@ -142,8 +143,7 @@ class Connector:
                 rospy.logdebug('[%s]: no connection to %s, retrying: %s', impl.resolved_name, uri, error)
                 if isinstance(error, rpc.Gone) and time.monotonic() > begun + GONE_AFTER:
                     return 0, '%s has ended' % uri, 0
-            self._ended.wait(period)
-            period = min(2 * period, rpc.MAX_RETRY_PERIOD)
+            self._ended.wait(pauses.take())
         return 0, '%s is no longer a publisher' % uri, 0
 
     def upgrade(self, impls: Iterable[UdpSubscriberImpl], now: float) -> None:

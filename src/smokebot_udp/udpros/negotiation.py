@@ -13,6 +13,7 @@ import reprlib
 from dataclasses import dataclass, field
 from typing import Any, Dict, List, Mapping, Sequence, Tuple
 
+from ..backoff import Backoff
 from ..version import CANNOT_TALK, FORMAT_FIELD, Software, difference, from_headers
 from .datagram import DEFAULT_MAX_DATAGRAM_SIZE, LENGTH, MIN_MAX_DATAGRAM_SIZE, UDP_MAX_PAYLOAD
 
@@ -103,14 +104,13 @@ class Fallbacks:
     """
 
     def __init__(self) -> None:
-        self._due: Dict[str, Tuple[float, float]] = {}      # {publisher: (when [s], period [s])}
+        self._due: Dict[str, Tuple[float, Backoff]] = {}    # {publisher: (when [s], the further pauses)}
 
     def refused(self, publisher: str, now: float) -> bool:
         """Note a refusal; returns whether it is the first one."""
-        _, period = self._due.get(publisher, (0.0, FALLBACK_PERIOD / 2))
-        period = min(2 * period, MAX_FALLBACK_PERIOD)
         first = publisher not in self._due
-        self._due[publisher] = now + period, period
+        pauses = Backoff(FALLBACK_PERIOD, MAX_FALLBACK_PERIOD) if first else self._due[publisher][1]
+        self._due[publisher] = now + pauses.take(), pauses
         return first
 
     def forget(self, publisher: str) -> None:

@@ -24,6 +24,7 @@ from xml.parsers.expat import ExpatError
 import rospy
 import rospy.names
 
+from ..backoff import Backoff
 from .endpoints import Address, is_own
 from .negotiation import Refused
 
@@ -116,18 +117,18 @@ def create_connection(address: Address, timeout: Any = None, *_: Any, **__: Any)
     if not isinstance(timeout, (int, float)):
         timeout = socket.getdefaulttimeout()
     with _Race(socket.getaddrinfo(*address, type=socket.SOCK_STREAM)) as race:
-        now, delay = time.monotonic(), RACE_DELAY
+        now, delays = time.monotonic(), Backoff(RACE_DELAY, MAX_RACE_DELAY)
         deadline = now + (math.inf if timeout is None else timeout)
         while race.addresses and now < deadline:
             race.attempt()
-            connected = race.wait(min(now + delay, deadline))
+            connected = race.wait(min(now + delays.take(), deadline))
             if connected is not None:
                 connected.settimeout(timeout)
                 connected.setsockopt(socket.IPPROTO_TCP, socket.TCP_NODELAY, 1)
                 with contextlib.suppress(OSError):      # not on every kernel
                     connected.setsockopt(socket.IPPROTO_TCP, TCP_THIN_LINEAR_TIMEOUTS, 1)
                 return connected
-            now, delay = time.monotonic(), min(2 * delay, MAX_RACE_DELAY)
+            now = time.monotonic()
         if race.addresses:
             raise socket.timeout('no answer in %g s' % timeout)
         raise OSError(race.error, os.strerror(race.error))
@@ -185,7 +186,7 @@ class MasterTransport(Transport):
 
 
 RETRY_PERIOD, MAX_RETRY_PERIOD = 0.2, 2.0
-"""Time from one attempt to the next, until a call is answered; it doubles up to the maximum [s]."""
+"""Shortest and longest time from one attempt to the next, until a call is answered [s]."""
 
 Value = TypeVar('Value')
 
@@ -382,14 +383,13 @@ def repeated(call: Callable[[], Value], warn: Callable[..., None] = rospy.logwar
     :param warn: called with a text and its arguments, once
     :raises Exception: what it raises otherwise, or while the node is shutting down
     """
-    period = RETRY_PERIOD
+    pauses = Backoff(RETRY_PERIOD, MAX_RETRY_PERIOD)
     while True:
         try:
             return call()
         except TRANSIENT as error:
             if rospy.core.is_shutdown_requested():      # rospy.is_shutdown is false until the node has unregistered
                 raise
-            if period == RETRY_PERIOD:
+            if pauses.interval == RETRY_PERIOD:
                 warn('the master does not answer, it is asked again: %r', error)
-        time.sleep(period)
-        period = min(2 * period, MAX_RETRY_PERIOD)
+        time.sleep(pauses.take())

@@ -2,6 +2,7 @@
 """When a subscriber asks about a topic that is silent, and when it replaces a connection."""
 from typing import Generic, Iterable, List, Protocol, TypeVar
 
+from ..backoff import Backoff
 from ..newest import Newest
 
 SILENCE_TIMEOUT = 3.0
@@ -39,7 +40,7 @@ class Silence:
     def __init__(self, now: float) -> None:
         self.asked_at = now
         """When it was asked for last [s]."""
-        self._period = SILENCE_TIMEOUT
+        self._pauses = Backoff(SILENCE_TIMEOUT, MAX_SILENCE_PERIOD)
         self._heard, self._usual = -float('inf'), 0.0       # the last message; its usual pause [s]
 
     def due(self, heard: float, now: float, early: float = 1.0) -> bool:
@@ -50,10 +51,10 @@ class Silence:
         """
         self._learn(heard)
         if heard > self.asked_at:
-            self._period = SILENCE_TIMEOUT
+            self._pauses.reset()
         timeout = min(max(SILENCE_TIMEOUT, USUAL_FACTOR * self._usual), MAX_SILENCE_PERIOD)
         return (now - heard >= max(SILENCE_TIMEOUT, early * timeout)
-                and now - max(heard, self.asked_at) >= early * max(timeout, self._period))
+                and now - max(heard, self.asked_at) >= early * max(timeout, self._pauses.interval))
 
     def _learn(self, heard: float) -> None:
         if heard > self._heard:
@@ -63,22 +64,23 @@ class Silence:
     def asked(self, now: float) -> None:
         """The question is being asked."""
         self.asked_at = now
-        self._period = min(2 * self._period, MAX_SILENCE_PERIOD)
+        self._pauses.take()
 
     def unanswered(self) -> None:
         """It was not answered: it is repeated soon."""
-        self._period = SILENCE_TIMEOUT
+        self._pauses.reset()
 
     def hurry(self) -> None:
         """Something has changed: if the topic is silent, it is asked for at once."""
-        self.asked_at, self._period, self._usual = -float('inf'), SILENCE_TIMEOUT, 0.0
+        self.asked_at, self._usual = -float('inf'), 0.0
+        self._pauses.reset()
 
 
 class Renegotiation:
     """When to negotiate anew with a publisher that says it serves us: the path from it may be broken."""
 
     def __init__(self) -> None:
-        self._period = RENEGOTIATION
+        self._silences = Backoff(RENEGOTIATION, MAX_RENEGOTIATION)
 
     def due(self, idle: float, worked: bool) -> bool:
         """Whether to replace a connection; if so, the next one after twice the time.
@@ -87,10 +89,10 @@ class Renegotiation:
         :param worked: whether anything was ever received through it
         """
         if worked:
-            self._period = RENEGOTIATION
-        if idle < self._period:
+            self._silences.reset()
+        if idle < self._silences.interval:
             return False
-        self._period = min(2 * self._period, MAX_RENEGOTIATION)
+        self._silences.take()
         return True
 
 

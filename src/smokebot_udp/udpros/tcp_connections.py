@@ -11,6 +11,7 @@ from typing import Any, Callable, Collection, Dict, Iterable, List, Mapping, Set
 
 import rospy
 
+from ..backoff import Backoff
 from . import rpc
 from .callers import is_home
 from .endpoints import is_own, number_of
@@ -18,7 +19,7 @@ from .negotiation import Refused
 from .rospy_transports import SubscriberTransport, UdpSubscriberImpl
 
 RETRY_PERIOD, MAX_RETRY_PERIOD = 1.0, 30.0
-"""Time from one attempt to connect again to the next; it doubles up to the maximum [s]."""
+"""Shortest and longest time from one attempt to connect again to the next [s]."""
 
 Link = Tuple[str, str]
 """A topic, and the URI of its publisher."""
@@ -89,13 +90,13 @@ class _Retry:
     """
 
     def __init__(self, now: float) -> None:
-        self._next, self._period = now, RETRY_PERIOD
+        self._next, self._pauses = now, Backoff(RETRY_PERIOD, MAX_RETRY_PERIOD)
 
     def due(self, now: float) -> bool:
         """Whether to connect now; then again after a longer time."""
         if now < self._next:
             return False
-        self._next, self._period = now + self._period, min(2 * self._period, MAX_RETRY_PERIOD)
+        self._next = now + self._pauses.take()
         return True
 
 

@@ -15,6 +15,7 @@ import rospy.core
 import rospy.names
 from rospy.impl.registration import get_topic_manager
 
+from ..backoff import Backoff
 from ..limited_log import logerr
 from . import rpc
 from .bus_info import OUTBOUND, BusEntry, udpros_entries
@@ -57,7 +58,7 @@ class Watch:
         self._lock = threading.Lock()
         self._confirmed: Dict[str, Tuple[str, ...]] = {}    # {topic: publishers, as the master last said}
         self._doubtful: Set[str] = set()                    # topics with notifications that differ
-        self._asked_at, self._question_period = -float('inf'), MIN_QUESTION_PERIOD
+        self._asked_at, self._questions = -float('inf'), Backoff(MIN_QUESTION_PERIOD, MAX_QUESTION_PERIOD)
         self._reviewing: Set[str] = set()                   # URIs of the nodes that are being asked
         self._lost_address: Optional[str] = None            # the one towards the master, once it is not ours any more
         self._moved: Set[str] = set()                       # URIs of nodes that have another address now
@@ -109,7 +110,7 @@ class Watch:
             self._confirmed[topic] = tuple(uris)
             self._dropped = {(name, uri) for name, uri in self._dropped if name != topic or uri in uris}
         if changed:
-            self._question_period = MIN_QUESTION_PERIOD
+            self._questions.reset()
         if not isinstance(impl, UdpSubscriberImpl):
             self._update_plain(topic, self._kept(topic, uris))
             return
@@ -233,12 +234,13 @@ class Watch:
     def _ask_doubtful(self, now: float) -> None:
         """Ask the master whether notifications are true, unless it was asked a moment ago."""
         if now - self._asked_at > 2 * MAX_QUESTION_PERIOD:
-            self._question_period = MIN_QUESTION_PERIOD
-        if not self._doubtful or now - self._asked_at < self._question_period:
+            self._questions.reset()
+        if not self._doubtful or now - self._asked_at < self._questions.interval:
             return
         with self._lock:
             topics, self._doubtful = self._doubtful, set()
-        self._asked_at, self._question_period = now, min(2 * self._question_period, MAX_QUESTION_PERIOD)
+        self._asked_at = now
+        self._questions.take()
         try:
             self._ask_master(list(topics))
         except rpc.Unreachable:

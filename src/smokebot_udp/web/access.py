@@ -1,8 +1,14 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""Who may see the page, and who may drive: tokens, and the sessions that they begin."""
+"""Who may see the page, and who may drive: tokens, and the sessions that they begin.
+
+Requests come from the page itself: others' pages must not use a browser's cookie, nor a name of their own that leads to
+this machine.
+"""
 import enum
 import hmac
+import ipaddress
 from typing import NamedTuple, Optional
+from urllib.parse import urlsplit
 
 from ..budget import Budget
 from ..newest import Newest
@@ -107,3 +113,27 @@ class Access:
         if self.page is not None and hmac.compare_digest(data, self.page):
             return Role.VIEWER
         return Role.NONE
+
+
+def is_own(origin: Optional[str], host: str, secure: bool) -> bool:
+    """Whether a request is of this page, or of no page.
+
+    :param origin: header Origin; None: there is none
+    :param host: header Host
+    :param secure: whether TLS is used
+    """
+    return origin is None or origin.lower() == '%s://%s' % ('https' if secure else 'http', host.lower())
+
+
+def is_local(address: str, host: str) -> bool:
+    """Whether a browser runs on this machine, and asks for it by a name that is not of somebody else's domain.
+
+    :param address: of the browser
+    :param host: header Host
+    """
+    try:
+        name = urlsplit('//' + host).hostname or ''
+        return ipaddress.ip_address(address).is_loopback and (
+            name == 'localhost' or ipaddress.ip_address(name).is_loopback)
+    except ValueError:
+        return False

@@ -12,11 +12,10 @@ from typing import Any, Awaitable, Callable, Dict, Mapping, Optional
 from aiohttp import web
 
 from ..limited_log import logerr
-from .access import SESSION_LIFE, Access, Refused, Role
+from .access import SESSION_LIFE, Access, Refused, Role, is_local, is_own
 from .browser import Browser
 from .captures import path_of
 from .desk import Desk
-from .origins import is_local, is_own
 
 COOKIE = 'smokebot'
 """Its name has the port after it: cookies do not distinguish ports."""

@@ -34,6 +34,16 @@ that neither rounding nor a hundredth of a degree of the ground plane's error sc
 FARTHEST = 1000.0
 """[m]"""
 
+DEPTH = 0.1
+"""A surface has the points up to this behind its first one: about three standard deviations of a range [m]."""
+
+MIN_EXTENT = 0.2
+"""Minimum height over which an upright surface is seen [m]."""
+
+WIDTH, FLATNESS = 0.1, 0.05
+"""Width of the neighbours on one side that must be in line with a surface, and maximum root mean square of their
+distances from the line [m]."""
+
 MIN_POINTS = 3
 """Minimum number of points of an upright surface in its column: two may be above each other by chance."""
 
@@ -100,62 +110,56 @@ def fan(xyz: Array, plane: Plane, tolerance: float = 0.1, slope: float = 0.0, ra
     return Fan(column[chosen], distance[chosen], height[chosen], range_min, seen)
 
 
-def obstacle_scan(points: Fan, max_height: float = 1.2, depth: float = 0.1) -> Float32Array:
+def obstacle_scan(points: Fan, max_height: float = 1.2) -> Float32Array:
     """What the robot would collide with: the nearest surface in each column.
 
     The nearest point of a surface is the one with the largest error towards the robot, so the range is the mean of the
-    points up to `depth` behind it.
+    points up to DEPTH behind it.
 
     :param max_height: points higher above the ground are no obstacles [m]
-    :param depth: about three standard deviations of a range [m]
     :return: (COLUMNS,) float32 [m], see the module's docstring
     """
     points = points.select(points.height <= max_height)
     key = _key(points.column, points.range)
     first = np.flatnonzero(np.diff(points.column, prepend=-1))
-    behind = np.searchsorted(key, key[first] + depth, side='right')
+    behind = np.searchsorted(key, key[first] + DEPTH, side='right')
     total = _cumulative(points.range)
     ranges = (total[behind] - total[first]) / (behind - first)
     return points.scan(points.column[first], ranges)
 
 
-def landmark_scan(points: Fan, extent: float = 0.2, depth: float = 0.1, width: float = 0.1,
-                  flatness: float = 0.05) -> Float32Array:
+def landmark_scan(points: Fan) -> Float32Array:
     """What does not move: the farthest surface in each column that is upright and flat.
 
-    A surface is upright if its points within `depth` extend over some height, and flat if it is in a line with those of
+    A surface is upright if its points within DEPTH extend over MIN_EXTENT, and flat if it is in a line with those of
     the neighbouring columns, on one side at least: it may end on the other.
 
-    :param extent: minimum height over which an upright surface is seen [m]
-    :param depth: as in obstacle_scan [m]
-    :param width: width of the neighbours on one side that must be in line [m]
-    :param flatness: maximum root mean square of their distances from the line [m]
     :return: (COLUMNS,) float32 [m], see the module's docstring; -inf if all points above the ground are too close
     """
     farthest = np.flatnonzero(np.diff(points.column, append=COLUMNS))
     scan = points.scan(points.column[farthest], np.where(points.range[farthest] < points.range_min, -np.inf, np.inf))
-    columns, ranges = _upright(points.select(points.range >= points.range_min), extent, depth)
-    flat = _in_line(columns, ranges, width, flatness)
+    columns, ranges = _upright(points.select(points.range >= points.range_min))
+    flat = _in_line(columns, ranges)
     scan[columns[flat]] = ranges[flat]
     return scan
 
 
-def _upright(points: Fan, extent: float, depth: float) -> Tuple[Array, FloatArray]:
+def _upright(points: Fan) -> Tuple[Array, FloatArray]:
     """The farthest upright surfaces: (m,) int columns, ascending, and (m,) float64 ranges [m]."""
     key = _key(points.column, points.range)
-    start: IntArray = np.searchsorted(key, key - depth)     # of the points up to `depth` before each
+    start: IntArray = np.searchsorted(key, key - DEPTH)     # of the points up to DEPTH before each
     count = np.arange(1, len(key) + 1) - start
     height = points.height.astype(np.float64)
     mean, mean_square = ((total[1:] - total[start]) / count for total in (
         _cumulative(height), _cumulative(height * height)))
     # the variance of points that are evenly distributed over the extent
-    upright = np.flatnonzero((count >= MIN_POINTS) & (mean_square - mean * mean >= extent ** 2 / 12))
+    upright = np.flatnonzero((count >= MIN_POINTS) & (mean_square - mean * mean >= MIN_EXTENT ** 2 / 12))
     last = upright[np.diff(points.column[upright], append=COLUMNS) > 0]
     total = _cumulative(points.range)
     return points.column[last], (total[last + 1] - total[start[last]]) / count[last]
 
 
-def _in_line(columns: Array, ranges: FloatArray, width: float, flatness: float) -> BoolArray:
+def _in_line(columns: Array, ranges: FloatArray) -> BoolArray:
     """Which of the surfaces are in a line with their neighbours: (m,) bool.
 
     :param columns: (m,) int, all different
@@ -167,7 +171,7 @@ def _in_line(columns: Array, ranges: FloatArray, width: float, flatness: float) 
     moments[:, columns] = np.ones_like(x), x, y, x * x, x * y, y * y
     # three turns, so that no window ends at a border
     total = _cumulative(np.tile(moments, 3))
-    side = np.clip(np.ceil(width / (ranges * INCREMENT)), MIN_NEIGHBOURS, COLUMNS // 8).astype(int)
+    side = np.clip(np.ceil(WIDTH / (ranges * INCREMENT)), MIN_NEIGHBOURS, COLUMNS // 8).astype(int)
     flat = np.zeros(len(columns), bool)
     none = np.zeros_like(side)
     for before, after in ((side, none), (none, side)):
@@ -177,12 +181,12 @@ def _in_line(columns: Array, ranges: FloatArray, width: float, flatness: float) 
         across = (a + c) / 2 - np.hypot((a - c) / 2, b)      # the covariance's smaller eigenvalue
         # in a narrow view any ranges are nearly in a line, the line of sight: it must be thinner than the view is wide
         wide = n * ranges * INCREMENT / np.sqrt(12)          # also a standard deviation
-        flat |= (n >= MIN_IN_LINE) & (across <= np.minimum(flatness, wide / 2) ** 2)
+        flat |= (n >= MIN_IN_LINE) & (across <= np.minimum(FLATNESS, wide / 2) ** 2)
     return flat
 
 
 def _key(column: Array, distance: Array) -> FloatArray:
-    """(n,) float64 that sorts points by column, then by range; the gap between columns exceeds any depth."""
+    """(n,) float64 that sorts points by column, then by range; the gap between columns exceeds DEPTH."""
     key: FloatArray = np.multiply(column, 2 * FARTHEST, dtype=np.float64)
     key += distance
     return key

@@ -20,7 +20,7 @@ import numpy as np
 
 from ... import optional
 from ...arrays import Array, Float32Array, IntArray
-from ..bounding_box import bounding_box
+from ..wire.points import bounding_box
 
 pcl = optional.attempt('pcl').module
 

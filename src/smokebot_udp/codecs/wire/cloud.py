@@ -11,8 +11,8 @@ from typing import NamedTuple, Optional, Tuple
 import numpy as np
 
 from ...arrays import Array, BoolArray, Float32Array, IntArray, UInt8Array
-from ..bounding_box import bounding_box
 from .parts import ReceivedParts
+from .points import bounding_box
 
 MAX_POINTS = 1 << 21
 """Clouds of more points are refused on arrival: they would take some 50 MB."""

@@ -14,6 +14,10 @@ from . import coded_counts
 from .coded_counts import MAX_COUNT, VALUE
 from .parts import ReceivedParts
 
+FIXED = ('angle_min', 'angle_max', 'angle_increment', 'time_increment', 'scan_time', 'range_min', 'range_max')
+"""The fields of a LaserScan that every segment repeats."""
+
+
 MILLIMETRE = np.float32(0.001)
 """Most scanners measure in whole millimetres. Such a range takes 2 bytes and stays exact."""
 

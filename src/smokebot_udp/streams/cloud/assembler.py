@@ -17,8 +17,7 @@ from ...mission.settings import Settings
 from ...msg import CloudChunk
 from ..assembler import Assembled, Clock, no_clock
 from ..frame_assembler import Frame
-from ..recent import MAX_SOURCES
-from ..segments import MAIN_PART
+from ..segments import MAIN_PART, MAX_SOURCES
 from ..stamped_assembler import StampedAssembler, header_of
 
 MAX_PERSISTENT_POINTS = 1000000

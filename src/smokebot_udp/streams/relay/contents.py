@@ -3,9 +3,11 @@
 
 Many topics carry more than one thing: the transforms of many frames, the diagnostics of many devices, the ranges of
 eight sonars, all from one node or from several. So each message has a name, or is an array of parts that have names.
+Where several sources report states again and again, only the newest of each is worth sending, and they take turns.
 """
 import collections
 import copy
+import math
 from typing import Any, Callable, Dict, Hashable, Iterable, List, Mapping, NamedTuple, Optional, OrderedDict, Tuple
 
 from ...frame_names import frame_name
@@ -204,3 +206,28 @@ def size_of(message: Any) -> int:
 
 def _text(name: Hashable) -> str:
     return ', '.join(str(part) for part in name if part) if isinstance(name, tuple) else str(name)
+
+
+class Turns(Contents):
+    """What waits for one peer: the message of which something has waited longest goes next.
+
+    :param message_class: of the messages
+    """
+
+    def __init__(self, message_class: Any) -> None:
+        super().__init__(message_class)
+        self._next = -math.inf      # when the next one may be sent [s]
+
+    def due(self, packed: Callable[[Any], bytes], rate: float, now: float) -> Optional[bytes]:
+        """The message to send now; None: nothing waits, or it is too soon after the last one.
+
+        :param packed: f(message), what is sent of it
+        :param rate: what all may take, on average [byte/s]
+        :param now: by a steady clock [s]
+        """
+        message = self.take() if now >= self._next else None
+        if message is None:
+            return None
+        data = packed(message)
+        self._next = now + len(data) / rate
+        return data

@@ -8,17 +8,15 @@ import numpy as np
 from sensor_msgs.msg import LaserScan
 
 from ...arrays import Records
-from ...codecs.wire.scan import GAPS, ScanParts
+from ...codecs.wire.scan import FIXED, GAPS, ScanParts
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import ScanSegment
 from ...numpy_messages import numpy_msg
 from ..assembler import Assembled
 from ..frame_assembler import Frame
-from ..recent import MAX_SOURCES
-from ..segments import MAIN_PART
+from ..segments import MAIN_PART, MAX_SOURCES
 from ..stamped_assembler import StampedAssembler, header_of
-from .fields import FIXED
 
 
 class ScanAssembler(StampedAssembler[ScanParts, Assembled]):

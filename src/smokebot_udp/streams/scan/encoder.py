@@ -7,7 +7,7 @@ from typing import Any, Dict, List, Mapping, Tuple
 import numpy as np
 from sensor_msgs.msg import LaserScan
 
-from ...codecs.wire.scan import MICROMETRES, write_scan
+from ...codecs.wire.scan import FIXED, MICROMETRES, write_scan
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import ScanSegment
@@ -16,7 +16,6 @@ from ...udpros.frame import Frame
 from ..encoder import Encoded, Encoder, LinkView
 from ..parameters import ROBOT
 from ..segments import MAIN_PART, as_bytes, room, size_on_air, write_header
-from .fields import FIXED
 
 ANGLES = 'angle_min', 'angle_max', 'angle_increment'
 NEUTRAL = {'time_increment': 0.0, 'scan_time': 0.0, 'range_min': 0.0, 'range_max': math.inf}
