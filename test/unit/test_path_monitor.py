@@ -12,9 +12,10 @@ from std_msgs.msg import String
 from test_link_network import Relay
 
 from smokebot_udp.congestion.path_length import USUAL
+from smokebot_udp.link.transport import OperatorTransport
 from smokebot_udp.nodes.outbox import Outbox
 from smokebot_udp.nodes.path_monitor import PathAnswers, PathMonitor
-from smokebot_udp.paths import STRAIGHT
+from smokebot_udp.paths import STRAIGHT, Route
 
 IMAGES, STATES = '/smokebot_udp/camera/layers', '/smokebot_udp/status/segments'
 
@@ -108,3 +109,42 @@ def test_operators_send_what_passes_nearly_everywhere(side: Side) -> None:
     chat.publish(String('x' * 5000))
     wait_for(lambda: texts)
     assert chat.connections()[0]['datagrams'] == 5
+
+
+def test_a_hole_of_the_second_path_is_found() -> None:
+    with links() as made:
+        robot, _ = made.robot()
+        relays = [Relay(robot.port), Relay(robot.port)]
+        operator = OperatorTransport([('127.0.0.1', relay.port) for relay in relays], made.key, name='/desk',
+                                     report=lambda _: None, log=lambda _: None)
+        made.made.append(operator)
+        monitor, images = PathMonitor(robot, Outbox()), robot.publisher(IMAGES, CompressedImage)
+        made.made.append(monitor)
+        answers, received = PathAnswers(operator), [0, 0]
+        made.made.append(answers)
+
+        def arrived(connection: int, seq: int, size: int, count: int, when: float, marked: int, path: int) -> None:
+            received[path] += count
+        operator.subscriber(IMAGES, CompressedImage, batch_callback=lambda records, mask: None, arrived=arrived)
+        wait_for(lambda: images.get_num_connections() and robot.stats(0.0).peers[0].second is not None)
+        name, used = robot.stats(0.0).peers[0].name, robot.stats(0.0).peers[0].address
+        other, = (relay for relay in relays if relay.address != used)
+        other.longest = 1200
+        empty = frame(CompressedImage, 1, 0).datagram_size
+
+        def step() -> bool:
+            whole = frame(CompressedImage, 5, robot.room - empty)
+            for route in STRAIGHT, Route(second=(name,)):
+                images.publish_frames(whole, second=route.second)
+                monitor.sent(IMAGES, 0, 5, whole.datagram_size + robot.overhead + 28, time.monotonic(), route)
+            time.sleep(0.1)
+            for path, count in enumerate(received):
+                report = SimpleNamespace(streams=[SimpleNamespace(name=IMAGES, received=count)])
+                monitor.reported(name, report, time.monotonic(), path)
+            monitor.tick(time.monotonic())
+            return monitor.hole == 1172
+        assert any(step() for _ in range(200))
+        before = received[1]
+        assert any(step() and received[1] > before for _ in range(20))
+        for relay in relays:
+            relay.close()

@@ -182,7 +182,8 @@ def test_rospy_forgets_it(master: Server) -> None:
 
 
 @pytest.mark.parametrize('interrupted, error, told', [
-    (True, 'ROSInterruptException', False), (False, 'ROSInterruptException', True), (True, 'ROSException', True)])
+    (True, 'ROSInterruptException', False), (True, 'ROSInitException', False),
+    (False, 'ROSInterruptException', True), (True, 'ROSException', True)])
 def test_a_node_that_is_interrupted_while_it_starts_prints_no_traceback(master: Server, interrupted: bool, error: str,
                                                                        told: bool) -> None:
     printed = output(master, LATE.format(interrupted=interrupted, error=error))

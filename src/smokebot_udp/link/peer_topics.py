@@ -8,7 +8,7 @@ from ..udpros.datagram import HEADER, Op
 from ..udpros.endpoints import BatchSender, path_payload
 from .core import MIN_DATAGRAM_SIZE
 from .packets import OVERHEAD, Malformed
-from .peer import Peer
+from .peer import Peer, address_of
 from .tables import Exchange, Local, Table
 from .topics import Outgoing, PeerSender, Publisher, Subscriber
 
@@ -34,7 +34,7 @@ class PeerTopics:
         """The connection ids that this side has asked the peer for."""
         self._socket = sender
         self._sender, self._handshakes = PeerSender(peer, sender.another(sender.tos)), peer.handshakes
-        self._room, self._room_due = MIN_DATAGRAM_SIZE - OVERHEAD, 0.0
+        self._room, self._room_due, self._second = MIN_DATAGRAM_SIZE - OVERHEAD, 0.0, peer.second
         self.malformed = 0
         """Datagrams of tables that no correct peer sends."""
 
@@ -86,12 +86,15 @@ class PeerTopics:
         :param max_datagram_size: this side's, with the link's overhead [byte of UDP payload]
         :param moved: whether the peer has another address
         """
-        if now < self._room_due and not moved:
+        if now < self._room_due and not moved and self.peer.second == self._second:
             return
+        self._second = self.peer.second
         self._room_due = now + PATH_PERIOD
         whole = min(max_datagram_size, self.peer.max_datagram_size)
-        with contextlib.suppress(OSError):      # no route now
-            whole = min(whole, path_payload(*self.peer.address))
+        places = [self.peer.place, *([] if self.peer.second is None else [self.peer.second])]
+        for place in places:
+            with contextlib.suppress(OSError):      # no route now
+                whole = min(whole, path_payload(*address_of(place)))
         self._room = max(whole, MIN_DATAGRAM_SIZE) - OVERHEAD
 
     def dropped(self) -> Dict[str, int]:

@@ -124,8 +124,7 @@ class LinkControl(Part):
         with self._controller as controller:
             header = report._connection_header      # one object for each connection
             train = controller.on_report(header['callerid'], report, now, id(header), path)
-        if not path:
-            self._paths.reported(header['callerid'], report, now)
+        self._paths.reported(header['callerid'], report, now, path)
         self._reported(header['callerid'], report.header.seq)
 
         def follow(scheduler: PacketScheduler) -> None:

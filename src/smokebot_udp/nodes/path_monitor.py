@@ -8,7 +8,7 @@ longer than what passes nearly everywhere: it is little.
 import contextlib
 import threading
 import time
-from typing import Any, Dict, Optional, Tuple
+from typing import Any, Dict, Optional, Sequence, Tuple
 
 from ..congestion.path_length import ANSWER_BITS, SHORT, SHORT_PROBES, USUAL, PathLength
 from ..msg import PathAnswer, PathProbe
@@ -37,7 +37,7 @@ class PathMonitor(Part):
         super().__init__()
         self._transport, self._outbox = transport, outbox
         self._longest = transport.max_datagram_size + transport.overhead
-        self._paths: Dict[str, PathLength] = {}     # by operator; replaced, not changed
+        self._paths: Dict[Tuple[str, int], PathLength] = {}     # by operator and path; replaced, not changed
         self._lock = threading.Lock()               # of the paths
         self._kernel, self._kernel_due = self._longest, 0.0
         self._publisher = self._opened.topic(transport.publisher(PROBES, PathProbe, whole=True))
@@ -46,21 +46,21 @@ class PathMonitor(Part):
     def sent(self, stream: str, seq: int, count: int, size: int, now: float, route: Route) -> None:
         """Datagrams were sent, see outbox.Departed."""
         with self._lock:
-            for operator, path in self._paths.items():
-                if operator not in route.second:
+            for (operator, index), path in self._paths.items():
+                if index == int(operator in route.second):
                     path.sent(stream, route.limits.get(operator, count), size - IP_UDP_HEADERS, now)
 
-    def reported(self, operator: str, report: Any, now: float) -> None:
-        """An operator's LinkReport about its first path came."""
+    def reported(self, operator: str, report: Any, now: float, index: int = 0) -> None:
+        """An operator's LinkReport about one of its paths came."""
         with self._lock:
-            if operator in self._paths:
-                self._paths[operator].reported({one.name: one.received for one in report.streams}, now)
+            if (operator, index) in self._paths:
+                self._paths[operator, index].reported({one.name: one.received for one in report.streams}, now)
 
     def _answered(self, answer: Any) -> None:
         with self._lock:
-            path = self._paths.get(answer._connection_header['callerid'])
-            if path is not None:
-                path.answered(answer.newest, answer.arrived, time.monotonic())
+            for (operator, _), path in self._paths.items():     # each knows its probes by their numbers
+                if operator == answer._connection_header['callerid']:
+                    path.answered(answer.newest, answer.arrived, time.monotonic())
 
     @property
     def hole(self) -> Optional[int]:
@@ -71,11 +71,11 @@ class PathMonitor(Part):
         """Send the probes that are due, and limit what is sent to what passes."""
         connections = self._publisher.connections()
         self._follow(connections, now)
-        for path in list(self._paths.values()):
+        for (operator, index), path in list(self._paths.items()):
             with self._lock:
                 length = path.probe(now)
             if length is not None:
-                self._probe(path, length)
+                self._probe(path, length, [operator] if index else [])
         if now >= self._kernel_due:
             self._kernel_due = now + MTU_PERIOD
             self._kernel = min([self._longest, *(_kernel_length(one['address'], self._longest) for one in connections)])
@@ -83,15 +83,17 @@ class PathMonitor(Part):
         self._transport.limit(length - self._transport.overhead)
 
     def _follow(self, connections: Any, now: float) -> None:
-        names = {connection['peer'] for connection in connections}
+        used = self._transport.paths(now)
+        names = {(connection['peer'], index) for connection in connections
+                 for index in range(max(1, len(used.get(connection['peer'], ()))))}
         if names != self._paths.keys():
             with self._lock:
                 self._paths = {name: self._paths.get(name) or PathLength(self._longest, now) for name in names}
 
-    def _probe(self, path: PathLength, length: int) -> None:
+    def _probe(self, path: PathLength, length: int, second: Sequence[str]) -> None:
         overhead = self._transport.overhead
         frames = [_frame(length - overhead, 1), _frame(SHORT - overhead, SHORT_PROBES)]
-        first = self._publisher.publish_frames(*frames)
+        first = self._publisher.publish_frames(*frames, second=second)
         with self._lock:
             path.probed(first)
         self._outbox.charge(1 + SHORT_PROBES, sum(len(frame) * frame.datagram_size for frame in frames))

@@ -23,13 +23,8 @@ import numpy as np
 
 from ..arrays import BoolArray, IntArray
 from ..frame_names import frame_name
-<<<<<<< HEAD
 from .frame_end import LEAST_MARGIN, FrameEnd
-from .recent import MAX_SOURCES
-=======
-from .frame_end import FrameEnd
 from .segments import MAX_SOURCES
->>>>>>> e47e67701a2b8d7fc44efabd03592f08d7ddf23e
 
 RESTART = 2.0
 """A stamp that is older than the newest one by more is not late: the source's clock was set back, or a recording

@@ -41,8 +41,9 @@ class _Ending:
             os.write(self._writing, b'\0')
 
     def _print(self, kind: Type[BaseException], *error: Any) -> None:
-        """Print what ends the main program, unless it is that a signal has ended the node while it starts."""
-        if not (self._came and issubclass(kind, rospy.ROSInterruptException)):
+        """Print what ends the main program, unless it is that a signal has ended the node while it starts: init_node
+        raises another exception then."""
+        if not (self._came and issubclass(kind, (rospy.ROSInterruptException, rospy.ROSInitException))):
             self._hook(kind, *error)
 
     def _run(self) -> None:
