@@ -30,7 +30,7 @@ SENT_WINDOW = 1.0
 """Window over which the send rate is measured [s]."""
 
 MAX_LEAD = 0.02
-"""What a path could have sent meanwhile it may send at once, as far as it takes this long [s]."""
+"""What a path could have sent meanwhile counts for its share, as far as it takes this long [s]."""
 
 SILENCE = 0.35
 """A second path carries nothing after this time in which neither a probe came from it nor anything that was sent by it
@@ -40,7 +40,7 @@ PERIOD = 0.1
 """From one image to the next, as most cameras are sent: the slower path carries nothing of it at its end [s]."""
 
 LONG_DATAGRAM = 1472
-"""[byte]"""
+"""Those of images are as long [byte]."""
 
 
 class _Estimate:
@@ -61,7 +61,7 @@ class _Path:
         self.since = since
         """What was sent earlier says nothing about it; -inf: all says something [s]."""
         self.max_rate = math.inf
-        """[byte/s]"""
+        """See PathUse [byte/s]."""
         self.heard = since
         """When it was known to be alive [s]."""
         self.busy = -math.inf
@@ -75,7 +75,7 @@ class _Path:
 
     @property
     def capacity(self) -> float:
-        """[byte/s]"""
+        """What it carries [byte/s]."""
         return min(self.estimator.link.capacity, self.max_rate)
 
     @property
@@ -104,8 +104,8 @@ class _Path:
         self.since = -math.inf      # from the next report on all is of this path
         return feedback._replace(samples=samples, expected=0, received=0, marked=0, arrivals=())
 
-    def leaves(self, size: float, now: float) -> float:
-        """When bytes that are given to it now have left [s]."""
+    def share(self, size: float, now: float) -> float:
+        """When bytes that are given to it now would have left, if it had begun as early as it could [s]."""
         return max(self.busy, now - MAX_LEAD) + size / self.rate
 
     @property
@@ -117,7 +117,7 @@ class _Path:
     def delivers(self, size: float, now: float) -> float:
         """When bytes that are given to it now have arrived, by the receiver's clock; NaN: unknown [s]."""
         delay = self.estimator.base_delay
-        return math.nan if delay is None else self.leaves(size, now) + delay
+        return math.nan if delay is None else max(self.busy, now) + size / self.rate + delay
 
 
 class Bundle:
@@ -181,7 +181,7 @@ class Bundle:
         if self._train_left > 0:
             return self._train, 0.0
         first, second = self._paths
-        by_second = second.leaves(size, now) < first.leaves(size, now)
+        by_second = second.share(size, now) < first.share(size, now)
         chosen, other = (second, first) if by_second else (first, second)
         if chosen.delivers(size, now) > other.delivers(waiting, now):
             return int(not by_second), size * chosen.rate / other.rate if waiting > size else 0.0
@@ -200,7 +200,7 @@ class Bundle:
             if went < count:
                 path.reader.sent.leave_out(stream, seq + went, count - went, size, now)
             if went and len(self._paths) > 1:
-                path.busy = path.leaves(went * size, now)
+                path.busy = path.share(went * size, now)
         self._train_left -= number * size
 
     # -- what is known of them ------------------------------------------------------------------------
