@@ -40,10 +40,12 @@ class PathCuts(Started):
 
     :param addresses: of the robot
     :param loss: of both links
+    :param sender: arguments of robot_sender
     :raises LabError: as Lab
     """
 
-    def __init__(self, addresses: Sequence[str] = ADDRESSES, loss: float = 0.0, log: Any = None) -> None:
+    def __init__(self, addresses: Sequence[str] = ADDRESSES, loss: float = 0.0, log: Any = None,
+                 sender: Sequence[str] = ()) -> None:
         super().__init__()
         with self.starting():
             self.stack = self.enter_context(OwnMasters(7, log))
@@ -52,7 +54,7 @@ class PathCuts(Started):
             self.stack.lab.set(self.first)
             self.second.set(self.other)
             self.stack.start_node('robot', 'simulated_robot', '_width:=320', '_height:=240')
-            self.stack.start_sender()
+            self.stack.start_sender(*sender)
             self.stack.wait_for_port()
             self.stack.start_receiver(robot=','.join(addresses))
             self.operator = Listener(self.stack)
