@@ -1,23 +1,23 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Two links at once beside each of them alone, live: the nodes as shipped, own masters, sealed.
 
-Needs root. The links are link_lab's, with seeds of their own. doc/experiments.md, "Two paths", says how to read it.
+Needs root. The links are link_lab's, with seeds of their own. doc/own_masters.md, "A robot with several addresses", has
+results.
 """
 import argparse
 import pathlib
 import tempfile
 import time
-from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
 
 from evaluation import TOP
 from evaluation.live_clip import Clip
 from evaluation.live_score import SETTLED, judged
 from evaluation.path_run import Conditions, PathRun, Seen
+from smokebot_udp.demo.link import FIRST_OF_TWO as FIRST
+from smokebot_udp.demo.link import SECOND_OF_TWO as SECOND
 
 RESULTS = TOP / 'results' / 'bench' / 'paths'
-
-FIRST, SECOND = {'rate': 2e6, 'delay': 0.01, 'queue': 0.2}, {'rate': 1e6, 'delay': 0.03, 'queue': 0.2}
-"""A Wi-Fi and an LTE modem: 20 and 60 ms there and back."""
 
 ONE = {'rate': 2.7e6, 'delay': 0.0175, 'queue': 0.2}
 """The one link that both are to be as good as."""
@@ -25,14 +25,15 @@ ONE = {'rate': 2.7e6, 'delay': 0.0175, 'queue': 0.2}
 NARROW, NARROWER = {**FIRST, 'rate': 0.4e6}, {**SECOND, 'rate': 0.2e6}
 """A fifth of the rates: images want all of it."""
 
-HALF = {**FIRST, 'rate': 1e6}
+HALF, HALF_SECOND = {**FIRST, 'rate': 1e6}, {**SECOND, 'rate': 0.5e6}
+"""Half of the rates."""
 
 BURSTS = {**FIRST, 'loss': 0.6, 'burst': 8.0}
 FAR = {**SECOND, 'delay': 0.15}
 """A link that loses 60 % in bursts of 50 ms, which are eight datagrams, and one of 150 ms."""
 
 FAST, SLOW, SWAP_PERIOD = 20e6, 0.3e6, 3.0
-"""[bit/s], [s]"""
+"""Rates of two links that exchange them, and how often [bit/s, bit/s, s]."""
 
 Log = Callable[[str], None]
 Row = Dict[str, Any]
@@ -60,7 +61,7 @@ def ways(name: str, first: Conditions, second: Conditions) -> List[Case]:
 FAST_NOW, SLOW_NOW = {**FIRST, 'rate': FAST}, {**FIRST, 'rate': SLOW}
 CASES = [*ways('0 %', FIRST, SECOND), Case('0 %: one of 2.7 Mbit/s', (ONE,)),
          *ways('narrow', NARROW, NARROWER), Case('narrow: one of 0.54 Mbit/s', ({**ONE, 'rate': 0.54e6},)),
-         *ways('half', HALF, {**SECOND, 'rate': 0.5e6}), Case('half: one of 1.35 Mbit/s', ({**ONE, 'rate': 1.35e6},)),
+         *ways('half', HALF, HALF_SECOND), Case('half: one of 1.35 Mbit/s', ({**ONE, 'rate': 1.35e6},)),
          *ways('5 %', lossy(FIRST, 0.05), lossy(SECOND, 0.05)), Case('5 %: one of 2.7 Mbit/s', (lossy(ONE, 0.05),)),
          *ways('bursts, far', BURSTS, FAR),
          Case('swapped: both', (FAST_NOW, SLOW_NOW), True), Case('steady: both', (FAST_NOW, SLOW_NOW))]
@@ -135,6 +136,5 @@ def line(row: Mapping[str, Any]) -> str:
 
 def table(results: Dict[str, Any]) -> str:
     """The results as text."""
-    names: List[Optional[str]] = [name for name, _ in COLUMNS]
-    head = '| case | %s | used |' % ' | '.join(map(str, names))
-    return '\n'.join([head, '|' + '---|' * (len(names) + 2), *map(line, results['rows'])])
+    head = '| case | %s | used |' % ' | '.join(name for name, _ in COLUMNS)
+    return '\n'.join([head, '|' + '---|' * (len(COLUMNS) + 2), *map(line, results['rows'])])

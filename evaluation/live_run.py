@@ -104,20 +104,14 @@ class LiveRun(Started):
 
         :raises RuntimeError: where none comes
         """
-        deadline = time.monotonic() + START_TIMEOUT
-        while not self.method.shown():
-            if time.monotonic() > deadline:
-                raise RuntimeError('%s shows no image over %s: see nodes.log' % (self._name, self._cell.name))
-            time.sleep(0.05)
-        return self.method.shown()[0].arrival
+        return await_image(self.method, '%s over %s' % (self._name, self._cell.name))
 
     def measure(self) -> Outcome:
         """Watch from the first image on, and from BEGUN at the earliest; at its end, nothing is sent any more.
 
         :raises RuntimeError: where there is none
         """
-        first = self.first_image()
-        begun = max(first, self.method.taken[0].stamp - self.method.taken[0].number / RATE + BEGUN)
+        begun = max(self.first_image(), scene_begins(self.method))
         moments, told = [begun], []     # type: List[float], List[Told]
         for rate in self._cell.rates:
             if told:
@@ -127,7 +121,8 @@ class LiveRun(Started):
         moments.append(time.time())
         shown = self.method.shown()
         self.stack.end_all()    # for the machine: what follows takes time
-        return Outcome(Screen(list(self.method.taken), shown, self._quality()), told, self.method.notes(), moments)
+        screen = Screen(list(self.method.taken), shown, quality_of(self._images))
+        return Outcome(screen, told, self.method.notes(), moments)
 
     def watch(self, rate: float, until: float) -> List[Told]:
         """Sample the link until a time.
@@ -144,11 +139,32 @@ class LiveRun(Started):
             last = now
         return told
 
-    def _quality(self) -> Quality:
-        clip = Clip()
-        images: Array = np.fromfile(str(self._images), np.uint8)
-        images = images[:len(images) // (HEIGHT * WIDTH) * HEIGHT * WIDTH].reshape(-1, HEIGHT, WIDTH)
-        return remembered(lambda number, place: psnr(clip.image(number), images[place]))
+
+def await_image(method: Method, name: str) -> float:
+    """Wait for the first image on the screen; when it appeared by time.time() [s].
+
+    :param name: of the method and its link, in words
+    :raises RuntimeError: where none comes
+    """
+    deadline = time.monotonic() + START_TIMEOUT
+    while not method.shown():
+        if time.monotonic() > deadline:
+            raise RuntimeError('%s shows no image: see nodes.log' % name)
+        time.sleep(0.05)
+    return method.shown()[0].arrival
+
+
+def scene_begins(method: Method) -> float:
+    """See BEGUN; by time.time() [s]."""
+    return method.taken[0].stamp - method.taken[0].number / RATE + BEGUN
+
+
+def quality_of(recorded: pathlib.Path) -> Quality:
+    """The PSNR of the images in a file of live_recorder, of any beside any of the clip's."""
+    clip = Clip()
+    images: Array = np.fromfile(str(recorded), np.uint8)
+    images = images[:len(images) // (HEIGHT * WIDTH) * HEIGHT * WIDTH].reshape(-1, HEIGHT, WIDTH)
+    return remembered(lambda number, place: psnr(clip.image(number), images[place]))
 
 
 def remembered(quality: Quality) -> Quality:

@@ -7,26 +7,19 @@ import pathlib
 import time
 from typing import Any, List, Mapping, NamedTuple, Optional
 
-import numpy as np
-import psutil
-
-from smokebot_udp.arrays import Array
 from smokebot_udp.link_lab.lab import Lab
-from smokebot_udp.link_lab.second_link import SECOND, second_lab
+from smokebot_udp.link_lab.second_link import second_lab
 
-from .live_clip import HEIGHT, WIDTH, Clip
 from .live_methods import Nodes
-from .live_run import BEGUN, START_TIMEOUT, remembered
+from .live_run import await_image, quality_of, scene_begins
 from .live_score import Screen
-from .own_masters import PORT, ROBOT, OwnMasters
-from .quality import psnr
+from .needs_run import processor_time
+from .own_masters import OwnMasters
+from .path_cuts import ADDRESSES
 from .started import Started
-from .video_clips import RATE
 
 Conditions = Mapping[str, float]
 """Conditions of a link, as link_lab has them."""
-
-BOTH = '%s,%s:%d' % (ROBOT, SECOND['robot'], PORT)
 
 
 class Moment(NamedTuple):
@@ -37,13 +30,6 @@ class Moment(NamedTuple):
     """By each link to the operator [byte]."""
     cpu: float
     """Processor time of robot_sender [s]."""
-
-
-def cpu_seconds(process: int) -> float:
-    """What a process and its children have used [s]."""
-    running = psutil.Process(process)
-    times = [one.cpu_times() for one in [running, *running.children(recursive=True)]]
-    return float(sum(one.user + one.system for one in times))
 
 
 class Seen(NamedTuple):
@@ -78,7 +64,7 @@ class PathRun(Started):
             if second is not None:
                 self.links.append(self.enter_context(second_lab(self.stack.lab, seed + 1)))
                 self.links[1].set({**second})
-                self.stack.addresses = BOTH
+                self.stack.addresses = ','.join(ADDRESSES)
             self.method = Nodes(self.stack, self._images, folder / 'trace')
 
     def settle(self, seconds: float) -> None:
@@ -86,26 +72,19 @@ class PathRun(Started):
 
         :raises RuntimeError: where no image comes
         """
-        deadline = time.monotonic() + START_TIMEOUT
-        while not self.method.shown():
-            if time.monotonic() > deadline:
-                raise RuntimeError('no image comes: see the log')
-            time.sleep(0.05)
-        begun = self.method.taken[0].stamp - self.method.taken[0].number / RATE + BEGUN
-        time.sleep(max(0.0, begun + seconds - time.time()))
+        await_image(self.method, 'camera')
+        time.sleep(max(0.0, scene_begins(self.method) + seconds - time.time()))
 
     def moment(self) -> Moment:
         """The counters now."""
         return Moment(time.time(), [link.counts()['robot']['carried'] for link in self.links],
-                      cpu_seconds(self.method.sender.pid))
+                      processor_time(self.method.sender.pid))
 
     def seen(self, begun: Moment, ended: Moment) -> Seen:
         """What was seen between two moments; nothing is sent any more."""
         taken, shown = list(self.method.taken), self.method.shown()
         self.stack.end_all()
-        images: Array = np.fromfile(str(self._images), np.uint8)
-        images = images[:len(images) // (HEIGHT * WIDTH) * HEIGHT * WIDTH].reshape(-1, HEIGHT, WIDTH)
-        clip, passed = Clip(), ended.time - begun.time
-        quality = remembered(lambda number, place: psnr(clip.image(number), images[place]))
+        passed = ended.time - begun.time
         carried = [8e-6 * (after - before) / passed for before, after in zip(begun.carried, ended.carried)]
-        return Seen(Screen(taken, shown, quality), begun.time, ended.time, carried, (ended.cpu - begun.cpu) / passed)
+        return Seen(Screen(taken, shown, quality_of(self._images)), begun.time, ended.time, carried,
+                    (ended.cpu - begun.cpu) / passed)
