@@ -27,7 +27,7 @@ class PathStats:
     """One address of a peer that has several."""
     address: Tuple[str, int]
     is_used: bool
-    """Whether everything but probes goes there."""
+    """Whether it is the first path: all that is not shared goes there."""
     is_shared: bool
     """Whether a part of what the peer sends comes from there, beside the path that is used."""
     silence: float

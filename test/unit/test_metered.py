@@ -10,15 +10,15 @@ WIFI, LTE = PathUse('wifi', host='10.0.0.9'), PathUse('lte', 0.1, '100.64.0.9')
 
 
 def test_paths_by_a_metered_interface_have_its_maximum_rate() -> None:
-    told: List[str] = []
+    reported: List[str] = []
     asked: List[str] = []
     interfaces = {'10.0.0.9': 'wlan0', '100.64.0.9': 'wwan0'}
 
     def route(host: str) -> Route:
         asked.append(host)
         return Route('', interfaces[host])
-    metered = Metered(' wwan0, lo,', 5e4, told.append, route)
-    assert told == ["metered: this machine has no interface 'wwan0' now"]
+    metered = Metered(' wwan0, lo,', 5e4, reported.append, route)
+    assert reported == ["metered: this machine has no interface 'wwan0' now"]
     paths = {'/desk': [WIFI, LTE], '/other': [LTE]}
     assert metered.mark(paths, 1.0) == {'/desk': [WIFI, LTE._replace(max_rate=5e4)],
                                         '/other': [LTE._replace(max_rate=5e4)]}

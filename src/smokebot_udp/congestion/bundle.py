@@ -56,7 +56,7 @@ class _Path:
     """One path that is used now."""
 
     def __init__(self, key: Any, reader: FeedbackReader, known: _Estimate, since: float) -> None:
-        self.key, self.reader, self.estimator = key, reader, known.estimator
+        self.key, self.reader, self.known, self.estimator = key, reader, known, known.estimator
         self._shift = 0 if known.total is None else known.total - reader.sent.total
         self.since = since
         """What was sent earlier says nothing about it; -inf: all says something [s]."""
@@ -104,7 +104,7 @@ class _Path:
         self.since = -math.inf      # from the next report on all is of this path
         return feedback._replace(samples=samples, expected=0, received=0, marked=0, arrivals=())
 
-    def share(self, size: float, now: float) -> float:
+    def virtual_finish(self, size: float, now: float) -> float:
         """When bytes that are given to it now would have left, if it had begun as early as it could [s]."""
         return max(self.busy, now - MAX_LEAD) + size / self.rate
 
@@ -142,8 +142,9 @@ class Bundle:
         first = self._paths[0]
         if first.key is None:
             first.key = used[0].key
-            self._known.of(first.key, lambda: _Estimate(now, self._limits)).estimator = first.estimator
-        self._remember()
+            self._known[first.key] = first.known
+        for path in self._paths:
+            path.known.total = path.total
         if first.key != used[0].key:
             self._paths[0] = self._path(used[0].key, first.reader, now)
         if [path.key for path in self._paths[1:]] != [one.key for one in used[1:]]:
@@ -162,11 +163,6 @@ class Bundle:
         heard = max((path.heard for path in self._paths[1:] if path.key == second.key), default=-math.inf)
         return min(second.silence, now - heard) < SILENCE
 
-    def _remember(self) -> None:
-        for path in self._paths:
-            if path.key in self._known:
-                self._known[path.key].total = path.total
-
     def _path(self, key: Any, reader: FeedbackReader, now: float) -> _Path:
         return _Path(key, reader, self._known.of(key, lambda: _Estimate(now, self._limits)), now)
 
@@ -181,7 +177,7 @@ class Bundle:
         if self._train_left > 0:
             return self._train, 0.0
         first, second = self._paths
-        by_second = second.share(size, now) < first.share(size, now)
+        by_second = second.virtual_finish(size, now) < first.virtual_finish(size, now)
         chosen, other = (second, first) if by_second else (first, second)
         if chosen.delivers(size, now) > other.delivers(waiting, now):
             return int(not by_second), size * chosen.rate / other.rate if waiting > size else 0.0
@@ -200,7 +196,7 @@ class Bundle:
             if went < count:
                 path.reader.sent.leave_out(stream, seq + went, count - went, size, now)
             if went and len(self._paths) > 1:
-                path.busy = path.share(went * size, now)
+                path.busy = path.virtual_finish(went * size, now)
         self._train_left -= number * size
 
     # -- what is known of them ------------------------------------------------------------------------

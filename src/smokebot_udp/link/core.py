@@ -179,7 +179,7 @@ class LinkCore(abc.ABC):
         if second.any():
             self._on_shared(peer, place_of(sources, int(opened.rows[second][-1])), now)
         aside = ((numbers == Control.PATH_CHALLENGE) | (numbers == Control.PATH_RESPONSE)
-                 | second | marked(opened.datagrams, COPY))
+                 | marked(opened.datagrams, COPY | SECOND))
         if not aside.all():
             self._on_carried(peer, now)
         if opened.newest >= 0 and not aside[opened.rows == opened.newest].any():

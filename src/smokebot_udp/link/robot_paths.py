@@ -118,7 +118,7 @@ class RobotPaths:
 
     @property
     def used(self) -> Place:
-        """The address to which everything but probes goes."""
+        """The address to which everything but probes and copies goes."""
         return self._used.place
 
     def second(self, now: float) -> Optional[Place]:

@@ -313,7 +313,8 @@ class Incoming:
         for rows, depacketizer, path in ((copies, self._copies, 0), (~copies & ~second, self._depacketizer, 0),
                                          (~copies & second, self._depacketizer, 1)):
             if depacketizer is not None and rows.any():
-                take(depacketizer, datagrams[rows], lengths[rows], arrivals.part(np.flatnonzero(rows)), now, path)
+                part = arrivals.part(np.flatnonzero(rows))._replace(path=path)
+                take(depacketizer, datagrams[rows], lengths[rows], part, now)
 
     @property
     def wants_batches(self) -> bool:
@@ -356,10 +357,8 @@ class Incoming:
                 'receive_buffer': None, 'kernel_drops': self.kernel_drops}
 
 
-def take(depacketizer: Depacketizer, datagrams: UInt8Array, lengths: IntArray, arrivals: Arrivals, now: float,
-         path: int = 0) -> None:
+def take(depacketizer: Depacketizer, datagrams: UInt8Array, lengths: IntArray, arrivals: Arrivals, now: float) -> None:
     """Hand datagrams of one connection to its depacketizer, and deliver the messages."""
-    arrivals = arrivals._replace(path=path)
     first = depacketizer.take_singles(datagrams, lengths, lambda row: True, arrivals, now)
     if first < len(lengths):
         depacketizer.take(datagrams[first:], lengths[first:], np.ones(len(lengths) - first, bool),

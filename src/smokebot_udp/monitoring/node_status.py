@@ -122,7 +122,7 @@ def peers_in(text: str) -> List[Dict[str, Any]]:
     """The addresses of peers in the value `connected to` of a transport's status.
 
     :return: of each `name`, `host`, `port`, `round_trip` [s], which is None where it is unknown, and `used`: whether
-        everything goes there
+        it is the first path
     """
     found = [PEER.fullmatch(one) for one in text.split('; ')]
     return [{'name': peer['name'], 'host': peer['host'], 'port': int(peer['port']),

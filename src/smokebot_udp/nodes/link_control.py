@@ -8,7 +8,7 @@ import functools
 import math
 import threading
 import time
-from typing import Any, Callable, Dict, List, Mapping, Optional
+from typing import Any, Callable, Dict, List, Mapping, Sequence
 
 import rospy
 
@@ -18,12 +18,11 @@ from ..congestion.packet_scheduler import PacketScheduler
 from ..monitoring.stats import LinkStats
 from ..monitoring.wifi import WifiState
 from ..msg import LinkReport, LinkStatus, WifiStatus
-from ..paths import STRAIGHT, Route
+from ..paths import STRAIGHT, PathUse, Route
 from ..streams.outlook import Outlook, Rooms, StreamLosses
 from ..units import MBIT
 from .link_reporter import TOPIC, path_of
 from .logging import log_error
-from .metered import Metered
 from .opened import Part
 from .outbox import Departed
 from .path_monitor import PathMonitor
@@ -34,6 +33,9 @@ from .worker import PeriodicWorker
 UNPACED = 800 * MBIT
 """On a faster link datagrams are not paced. It is no radio, and nothing on the way to it is faster: there is no queue
 that they could overrun. A raw image leaves in a quarter of the time [byte/s]."""
+
+
+MarkPaths = Callable[[Mapping[str, Sequence[PathUse]], float], Mapping[str, Sequence[PathUse]]]
 
 
 class SharedController:
@@ -80,19 +82,18 @@ class LinkControl(Part):
     :param streams: {name: RobotStream}, started
     :param reported: f(operator, seq), called with whose report came, and its sequence number
     :param wifi_interface: the parameter ~wifi_interface
-    :param metered: marks the paths that cost
+    :param mark: f(paths of operators, now [s]) -> the same, of which those that cost have their maximum rate
     :param further: f(capacity) -> {name: Demand}, of what is sent beside the streams. The capacity is that of the link,
         or while that is unknown the rate; 0: unknown and unlimited [byte/s]
     """
 
     def __init__(self, controller: SharedController, link: RobotLink, streams: Mapping[str, RobotStream],
                  reported: Callable[[str, int], None] = lambda operator, seq: None, wifi_interface: str = '',
-                 metered: Optional[Metered] = None,
+                 mark: MarkPaths = lambda paths, now: paths,
                  further: Callable[[float], Mapping[str, Demand]] = lambda capacity: {}) -> None:
         super().__init__()
         self._controller, self._link, self._streams, self._reported = controller, link, streams, reported
-        self._further, self._capacity = further, 0.0
-        self._metered = Metered('', math.inf, lambda text: None) if metered is None else metered
+        self._further, self._mark, self._capacity = further, mark, 0.0
         self._losses, self._rooms = StreamLosses(), Rooms()
         opened = self._opened
         self._status = opened.topic(rospy.Publisher('~link', LinkStatus, queue_size=1))
@@ -141,7 +142,7 @@ class LinkControl(Part):
                    **self._further(self._capacity)}
         self._count_operators()
         self._paths.tick(now)
-        paths = self._metered.mark(self._link.transport.paths(now), now)
+        paths = self._mark(self._link.transport.paths(now), now)
         with self._controller as controller:
             controller.on_paths(paths, now)
             plan = controller.tick(now, {name: demand for name, demand in demands.items() if demand is not None},

@@ -37,7 +37,7 @@ class Metered:
             report("metered: this machine has no interface '%s' now" % name)
 
     def mark(self, paths: Mapping[str, Sequence[PathUse]], now: float) -> Mapping[str, Sequence[PathUse]]:
-        """The same paths, of which metered ones have the maximum rate [s]."""
+        """Give metered paths the maximum rate; returns all paths [s]."""
         if not self._names:
             return paths
         hosts = {use.host for uses in paths.values() for use in uses}

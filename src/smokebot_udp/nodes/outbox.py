@@ -3,7 +3,7 @@
 import math
 import threading
 import time
-from typing import Any, Callable, Optional, Protocol, Sequence
+from typing import Any, Callable, Optional, Sequence
 
 from ..congestion.packet_scheduler import Chunk, PacketScheduler
 from ..congestion.sent_history import stream_of
@@ -33,19 +33,8 @@ Departed = Callable[[str, int, int, int, float, Route], None]
 * seq: of the first one
 """
 
-
-class Router(Protocol):
-    """Decides who gets which datagrams, and by which path; see Controller.route."""
-
-    def __call__(self, stream: str, count: int, size: int, now: float, start: int = 0, total: int = 1,
-                 waiting: float = 0.0, whole: bool = False) -> Route:
-        ...
-
-
-def straight(stream: str, count: int, size: int, now: float, start: int = 0, total: int = 1,
-             waiting: float = 0.0, whole: bool = False) -> Route:
-    """A Router: all get all by their first path."""
-    return STRAIGHT
+Router = Callable[..., Route]
+"""Decides who gets which datagrams, and by which path, see Controller.route."""
 
 
 class Outbox:
@@ -61,7 +50,7 @@ class Outbox:
 
     def __init__(self, scheduler: Optional[PacketScheduler] = None, departed: Departed = lambda *_: None,
                  on_error: Callable[[str, Exception], None] = lambda *_: None,
-                 route: Router = straight, overhead: int = 0,
+                 route: Router = lambda *_, **__: STRAIGHT, overhead: int = 0,
                  besides: Callable[[int], None] = lambda size: None) -> None:
         self._scheduler = scheduler or PacketScheduler()
         self._departed, self._on_error, self._route, self._besides = departed, on_error, route, besides

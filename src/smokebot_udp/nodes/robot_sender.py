@@ -140,9 +140,9 @@ def run_streams(opened: Opened) -> Tuple[Dict[str, RobotStream], Dict[str, Any]]
         control = opened.add(RobotControl(transport, outbox))
         reliable = opened.add(ReliableLink(transport, ROBOT, outbox))
         way_back = WayBack(ROBOT, definitions, RobotWay(transport, control, reliable), parameters)
+        metered = Metered(parameters['metered'], (parameters['metered_rate'] or math.inf) * MBIT, problems.report)
         rate = opened.add(LinkControl(shared, link, streams, control.reported, parameters['wifi_interface'],
-                                      Metered(parameters['metered'], (parameters['metered_rate'] or math.inf) * MBIT,
-                                              problems.report), captures.demands))
+                                      metered.mark, captures.demands))
         stores = {name: stream.settings for name, stream in streams.items()}
         opened.add(FocusControl({**stores, **way_back.stores}, profiles, transport.own_masters, reliable, rate,
                                 control, found, problems.report))

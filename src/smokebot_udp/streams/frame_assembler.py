@@ -135,13 +135,12 @@ class FrameAssembler(Generic[Partial]):
         """When `poll` returns a frame next, unless more is added; None: never [s]."""
         if self._finished:
             return -math.inf
-        waiting = [frame for frame in (self._open, self._current) if frame is not None]
-        return min((min(frame.began + self.max_wait, frame.given_up) for frame in waiting), default=None)
+        waiting = (self._before if self._is_open else None, self._current)
+        return min((self._end_of(frame) for frame in waiting if frame is not None), default=None)
 
-    @property
-    def _open(self) -> Optional[Frame[Partial]]:
-        """The frame before the one in progress, if it still waits."""
-        return self._before if self._is_open else None
+    def _end_of(self, frame: Frame[Partial]) -> float:
+        """When a frame is finished, unless more of it comes [s]."""
+        return min(frame.began + self.max_wait, frame.given_up)
 
     def poll(self, now: float) -> Optional[Frame[Partial]]:
         """The oldest finished frame that was not returned before; None if there is none."""
@@ -149,7 +148,7 @@ class FrameAssembler(Generic[Partial]):
         if deadline is None or now < deadline:
             return None
         if not self._finished:
-            if self._open is not None and now >= min(self._open.given_up, self._open.began + self.max_wait):
+            if self._is_open and self._before is not None and now >= self._end_of(self._before):
                 self._close()
             else:
                 self._finish()
@@ -204,7 +203,7 @@ class FrameAssembler(Generic[Partial]):
         self._seen_overlap = 0.0
         if self._current is not None and self._overlap > LEAST_MARGIN:
             self._is_open = True
-            self._current.given_up = min(now + self._overlap + LEAST_MARGIN, self._current.began + self.max_wait)
+            self._current.given_up = now + self._overlap + LEAST_MARGIN
         elif self._current is not None:
             self._finish()
 

@@ -32,7 +32,7 @@ TILES = 'tiles'
 
 MAX_SOURCES = 8
 """Number of sources of one stream whose state is remembered, such as the echoes of one scanner: their frame_id, which
-comes from messages and from the network, tells them apart."""
+comes from messages and from the network, distinguishes them."""
 
 
 def wire_topic(name: str, part: str = MAIN_PART) -> str:

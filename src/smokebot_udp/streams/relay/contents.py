@@ -209,7 +209,7 @@ def _text(name: Hashable) -> str:
 
 
 class Turns(Contents):
-    """What waits for one peer: the message of which something has waited longest goes next.
+    """Messages that wait for one peer: the one of which a part has waited longest is sent next.
 
     :param message_class: of the messages
     """
