@@ -131,6 +131,15 @@ def test_what_comes_by_a_slower_path_is_waited_for_beside_the_next_frame() -> No
     assert all(when < 0.1 * number + 0.0015 * 64 + 0.031 for number, _, when in shown)
 
 
+def test_one_frame_that_came_late_is_an_exception() -> None:
+    feed = Feed()
+    feed(1 * S, range(10), 0.0)
+    feed(2 * S, range(10), 0.1)
+    assert feed(1 * S, [20], 0.13) == [] and feed.frames.dropped['late'] == 1
+    feed(2 * S, [20], 0.14)
+    assert feed(3 * S, range(10), 0.15)[0][0] == 2 * S
+
+
 def test_lost_segments_are_not_waited_for_beside_the_next_frame_where_none_comes_late() -> None:
     feed = Feed()
     two_paths(feed, range(1, 20))

@@ -30,8 +30,8 @@ def sent(scheduler: PacketScheduler) -> List[Tuple[float, Chunk]]:
 def test_without_a_rate_everything_leaves_at_once() -> None:
     scheduler = PacketScheduler()
     scheduler.put('a', 'work', [(50, 1000), (1, 10)])
-    assert sent(scheduler) == [(0.0, Chunk('a', 'work', 0, 0, 50, 50000, 50)),
-                               (0.0, Chunk('a', 'work', 1, 0, 1, 10, 1))]
+    assert sent(scheduler) == [(0.0, Chunk('a', 'work', 0, 0, 50, 50000, 50, 50010.0)),
+                               (0.0, Chunk('a', 'work', 1, 0, 1, 10, 1, 10.0))]
 
 
 def test_datagrams_are_paced_evenly() -> None:

@@ -8,7 +8,8 @@ that was sent of it has been received; when what is still missing is no longer e
 frame are late, or not needed if it was complete, and change nothing but how long the next frame is waited for.
 
 Where segments come by two paths, or are reordered by one, those of a frame may come after the first one of the next.
-How long after, is learnt from those that did; for as long an incomplete frame stays open beside the next one.
+How long after is learnt from two frames in a row. An incomplete frame stays open for as long beside the next one. What
+happens to one frame is an exception, for which the others do not wait.
 
 A frame is finished once: what is received later does not bring out a better version of it. Two messages of one stamp
 would look like two images to whoever counts or records them.
@@ -38,8 +39,7 @@ MAX_OVERLAP = 0.1
 """A frame stays open beside the next one for this long at most [s]."""
 
 OVERLAP_GAIN = 1 / 8
-"""Weight of a frame whose segments came earlier before the next one, as of frame_end.GAIN. A later one counts at
-once."""
+"""Weight of the newest frames where segments came less late, as of frame_end.GAIN. Later ones count at once."""
 
 MAX_WAIT = 0.2
 """How long images, clouds and the like are waited for, unless an operator changes max_wait. Encoders that spread a
@@ -122,7 +122,7 @@ class FrameAssembler(Generic[Partial]):
         self._before: Optional[Frame[Partial]] = None   # the one before that
         self._is_open = False       # whether that one still waits
         self._overlap = 0.0         # how long that is worth while [s]
-        self._seen_overlap = 0.0    # of the one before that [s]
+        self._seen_overlaps = 0.0, 0.0      # by how much the last two frames before ended later [s]
         self._end = FrameEnd()
         self._finished: Deque[Frame[Partial]] = collections.deque()
 
@@ -199,8 +199,9 @@ class FrameAssembler(Generic[Partial]):
         """A new frame begins: the one in progress waits a little longer where that is worth while."""
         if self._is_open:
             self._close()
-        self._overlap += OVERLAP_GAIN * min(0.0, self._seen_overlap - self._overlap)
-        self._seen_overlap = 0.0
+        lasting = min(self._seen_overlaps)
+        self._overlap += (1.0 if lasting > self._overlap else OVERLAP_GAIN) * (lasting - self._overlap)
+        self._seen_overlaps = self._seen_overlaps[1], 0.0
         if self._current is not None and self._overlap > LEAST_MARGIN:
             self._is_open = True
             self._current.given_up = now + self._overlap + LEAST_MARGIN
@@ -215,8 +216,7 @@ class FrameAssembler(Generic[Partial]):
             return
         lag = now - last.began
         if not before.content.complete and lag <= MAX_OVERLAP:
-            self._seen_overlap = max(self._seen_overlap, lag)
-            self._overlap = max(self._overlap, lag)
+            self._seen_overlaps = self._seen_overlaps[0], max(self._seen_overlaps[1], lag)
         if not self._is_open:
             self.dropped['late'] += len(parts[0])
         elif self._fit(before.content, parts).any():
