@@ -167,6 +167,34 @@ def test_the_last_operator_counts_until_there_are_others() -> None:
     assert robot.state.operator is None and robot.rate == LIMITS.start_rate
 
 
+@pytest.mark.parametrize('away', [2.0, 20.0])
+def test_an_operator_that_comes_back_has_not_been_silent(away: float) -> None:
+    robot, near = Robot(), Receiver('/near', 5 * MBIT)
+    robot.controller.on_operators({'/near': 1}, robot.now)
+    robot.drive([near], 4.0)
+    robot.drive([], 0.5)                                        # it was restarted, which the robot does not know yet
+    robot.controller.on_operators({}, robot.now)
+    robot.drive([], away)
+    assert robot.rate < LIMITS.start_rate / 2
+    robot.controller.on_operators({'/near': 1}, robot.now)
+    assert robot.rate == pytest.approx(LIMITS.start_rate, rel=0.11) and not robot.state.timeout
+    robot.drive([], 0.4)                                        # its first reports are lost
+    assert robot.rate == pytest.approx(LIMITS.start_rate, rel=0.11)
+    robot.drive([], 4.0)
+    assert robot.rate < LIMITS.start_rate / 2 and robot.state.timeout
+
+
+def test_an_operator_that_comes_back_to_a_slow_link_gets_no_more_than_it_carried() -> None:
+    slow = LIMITS.start_rate / 2
+    robot, far = Robot(), Receiver('/far', slow)
+    robot.controller.on_operators({'/far': 1}, robot.now)
+    robot.drive([far], 8.0)
+    robot.controller.on_operators({}, robot.now)
+    robot.drive([], 4.0)
+    robot.controller.on_operators({'/far': 1}, robot.now)
+    assert robot.rate < 1.2 * slow
+
+
 def test_a_silent_operator_slows_no_other_one() -> None:
     robot, near, gone = Robot(), Receiver('/near', 5 * MBIT), Receiver('/gone', 5 * MBIT)
     robot.drive([near, gone], 6.0)

@@ -276,6 +276,11 @@ class Bundle:
         for path in self._paths:
             path.estimator.expect_more()
 
+    def on_return(self, now: float) -> None:
+        """See Estimator."""
+        for path in self._paths:
+            path.estimator.on_return(now)
+
     def read(self, report: Any, index: int, now: float) -> Optional[Feedback]:
         """What a report says about one path; None: nothing, or it is not believed."""
         return self._paths[index].read(report, now) if index < len(self._paths) else None

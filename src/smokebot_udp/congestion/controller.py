@@ -178,13 +178,16 @@ class Controller:
         """Take the operators that the streams are sent to now; the others no longer count.
 
         Connections end one after another, as streams send. An operator that lost one does not count before it reports
-        again.
+        again. One that comes back has not been silent until now.
 
         :param connections: {operator as in `on_report`: number of its connections}; without any, the last operators
             count until there are others
         """
-        lost = {name for name, number in (self._connections or {}).items() if connections.get(name, 0) < number}
+        before = self._connections or {}
+        lost = {name for name, number in before.items() if connections.get(name, 0) < number}
         for name, state in self._operators.items():
+            if connections.get(name) and not before.get(name):
+                state.paths.on_return(now)
             if name in lost:
                 state.doubted = now
             elif lost:

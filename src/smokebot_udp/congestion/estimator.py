@@ -252,6 +252,15 @@ class Estimator:
         """The link may carry more from now on: probe with the next report."""
         self._probes.retry()
 
+    def on_return(self, now: float) -> None:
+        """The receiver was away: its silence says nothing about the path. As for a new one the rate is start_rate, or
+        what the path carried if that is less."""
+        if self.timeouts:
+            start = min(self.limits.start_rate, self._at_timeout)
+            self._set_capacity(max(self.link.capacity, start))
+            self._reported, self.timeouts = now, 0
+            self._set_rate(now)
+
     def planned(self, budget: float, total: float) -> float:
         """For what multiple streams are planned now, so that a train has enough to send.
 
