@@ -6,6 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from smokebot_udp.congestion.operating_points import (
+    LATE_RATE,
     STEP,
     OperatingPoint,
     cloud_points,
@@ -81,7 +82,7 @@ def test_image_points(rate: float, subimages: int, per_datagram: int, datagram: 
     points = image_points(rate, subimages, per_datagram, datagram, preference, least)
     check(points, rate * -(-subimages // per_datagram) * datagram)
     for point in points:
-        assert min(rate, least) * (1 - 1e-9) <= point.settings['rate'] <= rate * (1 + 1e-9)
+        assert min(rate, least, LATE_RATE) * (1 - 1e-9) <= point.settings['rate'] <= rate * (1 + 1e-9)
         assert 0 <= point.settings['max_subimages'] < max(subimages, 2)
 
 
@@ -101,7 +102,8 @@ def test_layered_images_lose_bytes_and_rate() -> None:
     assert points[-1] == ({'rate': 16.0}, 1024000.0)
     # a quarter of the bytes: half of each image, half of the images
     assert points[-9] == ({'rate': pytest.approx(8.0)}, pytest.approx(256000))
-    assert points[0] == ({'rate': pytest.approx(4.0)}, pytest.approx(4000.0))
+    assert points[4] == ({'rate': pytest.approx(4.0)}, pytest.approx(4000.0))
+    assert points[0] == ({'rate': pytest.approx(LATE_RATE)}, pytest.approx(2000.0))       # late is better than none
 
 
 def test_layered_images_lose_only_bytes_as_long_as_they_are_fair() -> None:
@@ -119,6 +121,7 @@ def test_rare_layered_images_leave_in_time() -> None:
     points = layered_points(rate=1.0, size=40000, least_rate=4.0)
     assert points[-1] == ({'rate': 1.0}, 160000.0)
     assert all(point.settings['rate'] == 1.0 for point in points)
+    assert points[0].cost == pytest.approx(1000 * LATE_RATE)
 
 
 @given(rates, st.floats(500, 1e6), st.floats(0, 1), st.floats(100, 1e6), rates)
@@ -126,4 +129,4 @@ def test_layered_points(rate: float, size: float, preference: float, fair: float
     points = layered_points(rate, size, preference, fair, 1000.0, least)
     check(points, int(max(size, 1000.0)) * max(rate, least))
     for point in points:
-        assert min(rate, least) * (1 - 1e-9) <= point.settings['rate'] <= rate * (1 + 1e-9)
+        assert min(rate, least, LATE_RATE) * (1 - 1e-9) <= point.settings['rate'] <= rate * (1 + 1e-9)

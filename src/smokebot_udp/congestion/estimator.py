@@ -254,10 +254,9 @@ class Estimator:
 
     def on_return(self, now: float) -> None:
         """The receiver was away: its silence says nothing about the path. As for a new one the rate is start_rate, or
-        what the path carried if that is less."""
+        what the path carried before if that is less."""
         if self.timeouts:
-            start = min(self.limits.start_rate, self._at_timeout)
-            self._set_capacity(max(self.link.capacity, start))
+            self._set_capacity(max(self.link.capacity, min(self.limits.start_rate, self._before_timeout)))
             self._reported, self.timeouts = now, 0
             self._set_rate(now)
 

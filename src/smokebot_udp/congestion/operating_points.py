@@ -54,12 +54,16 @@ def image_points(rate: float, subimages: int, per_datagram: int, datagram: int, 
 FAIR_PREFERENCE = 0.75
 """degradation_preference from which on images lose only bytes as long as they are fair."""
 
+LATE_RATE = 2.0
+"""The least rate of layered images that leave later than within least_rate's period [Hz]."""
+
 
 def layered_points(rate: float, size: float, degradation_preference: float = 0.75, fair_size: float = 4000.0,
                    least_size: float = 1000.0, least_rate: float = 4.0) -> List[OperatingPoint]:
     """Operating points of layered images: fewer bytes an image, and fewer images.
 
-    The last bytes of an image are hardly seen. So bytes give way first, and from a fair image on both.
+    The last bytes of an image are hardly seen. So bytes give way first, and from a fair image on both. Where not even the
+    least images can leave in time, they come late, down to LATE_RATE: late images are better than none.
 
     :param rate: of images, as requested or of the source [Hz]
     :param size: of a complete image on the air [byte]
@@ -68,8 +72,8 @@ def layered_points(rate: float, size: float, degradation_preference: float = 0.7
         parts of the octaves, and down to fair_size in parts of the octaves that are larger by 1 / FAIR_PREFERENCE
     :param fair_size: of a fair image on the air [byte]
     :param least_size: of an image [byte]
-    :param least_rate: rates do not fall below it. Where fewer images are requested, they cost as much as this rate of
-        them: an image leaves within its period at the stream's share of the link, and is no older [Hz]
+    :param least_rate: rates of larger images do not fall below it. Where fewer images are requested, they cost as much
+        as this rate of them: an image leaves within its period at the stream's share of the link, and is no older [Hz]
     :return: rate, the cheapest first; the size of images follows what they may use of the link (Plan.rooms)
     """
     size, least_size = int(max(size, least_size)), int(least_size)
@@ -86,7 +90,11 @@ def layered_points(rate: float, size: float, degradation_preference: float = 0.7
         count = min(count, max(least_size, int(size * rate / scarcity / images + TOLERANCE)))
         return OperatingPoint({'rate': images}, count * max(images, least_rate))
 
-    return _ascending(point, rate / slowest * size / least_size)
+    def late(scarcity: float) -> OperatingPoint:
+        return OperatingPoint({'rate': min(rate, least_rate / scarcity)}, least_size * least_rate / scarcity)
+
+    in_time = _ascending(point, rate / slowest * size / least_size)
+    return _ascending(late, max(1.0, least_rate / LATE_RATE))[:-1] + in_time
 
 
 def cloud_points(rate: float, leaf_size: float, size: float, max_leaf_size: float = 1.0,
