@@ -102,8 +102,8 @@ def test_layered_images_lose_bytes_and_rate() -> None:
     assert points[-1] == ({'rate': 16.0}, 1024000.0)
     # a quarter of the bytes: half of each image, half of the images
     assert points[-9] == ({'rate': pytest.approx(8.0)}, pytest.approx(256000))
-    assert points[4] == ({'rate': pytest.approx(4.0)}, pytest.approx(4000.0))
-    assert points[0] == ({'rate': pytest.approx(LATE_RATE)}, pytest.approx(2000.0))       # late is better than none
+    assert points[8] == ({'rate': pytest.approx(4.0)}, pytest.approx(4000.0))
+    assert points[0] == ({'rate': pytest.approx(LATE_RATE)}, pytest.approx(1000.0))       # late is better than none
 
 
 def test_layered_images_lose_only_bytes_as_long_as_they_are_fair() -> None:

@@ -54,8 +54,8 @@ def image_points(rate: float, subimages: int, per_datagram: int, datagram: int, 
 FAIR_PREFERENCE = 0.75
 """degradation_preference from which on images lose only bytes as long as they are fair."""
 
-LATE_RATE = 2.0
-"""The least rate of layered images that leave later than within least_rate's period [Hz]."""
+LATE_RATE = 1.0
+"""The least rate of layered images that leave later than within least_rate's period, as of clouds and messages [Hz]."""
 
 
 def layered_points(rate: float, size: float, degradation_preference: float = 0.75, fair_size: float = 4000.0,
