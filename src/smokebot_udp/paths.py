@@ -17,6 +17,8 @@ class PathUse(NamedTuple):
     """Address of the peer."""
     max_rate: float = math.inf
     """What a path that costs carries by itself; beside another one it carries nothing [byte/s]."""
+    interface: str = ''
+    """By which interface of this machine it goes; empty: unknown."""
 
 
 class Route(NamedTuple):

@@ -4,7 +4,7 @@
 The nodes use a Transport for everything that crosses the link: segments, link reports, the clock, focus requests.
 udpros/transport.py and link/transport.py implement it.
 """
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from types import MappingProxyType
 from typing import Any, Callable, Collection, Counter, Dict, List, Mapping, Optional, Protocol, Sequence, Tuple
 
@@ -51,6 +51,8 @@ class PeerStats:
     """Its other address, to which copies go now; None: there is none."""
     is_shared: bool = False
     """Whether a part of what goes to it goes there, too."""
+    carried: Mapping[str, int] = field(default_factory=dict)
+    """{its host: bytes sent there until now, to it and to former ones of its name, IP and UDP headers included}"""
 
 
 @dataclass(frozen=True)

@@ -37,10 +37,10 @@ class Links:
 
     def operator(self, port: int, name: str = '/operator_receiver@desk1', **options: Any) -> Tuple[
             OperatorTransport, Told]:
-        """An operator of the robot at a port, and what it reports."""
-        told = Told()
+        """An operator of the robot at a port of some hosts, and what it reports."""
+        told, hosts = Told(), options.pop('hosts', ['127.0.0.1'])
         options = {'name': name, 'key': self.key, 'report': told, 'log': lambda _: None, **options}
-        operator = OperatorTransport([('127.0.0.1', port)], options.pop('key'), **options)
+        operator = OperatorTransport([(host, port) for host in hosts], options.pop('key'), **options)
         self.made.append(operator)
         return operator, told
 

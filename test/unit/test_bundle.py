@@ -158,3 +158,14 @@ def test_a_path_that_costs_carries_nothing_beside_another_one_and_little_by_itse
     assert state.capacity == pytest.approx(0.3 * MBIT) and state.rate <= 0.3 * MBIT
     robot.drive(3.0, [costs, BOTH[0]])      # the other one is there again, but not yet preferred
     assert robot.controller.stats(robot.now).capacity > 1.5 * MBIT
+
+
+def test_who_lost_one_of_two_paths_is_reached_over_the_other_one_only() -> None:
+    wifi, lte = PathUse('wifi', host='10.0.0.9', interface='wlan0'), PathUse('lte', host='100.64.0.9')
+    bundle = Bundle(SentHistory(), LIMITS, 0.0)
+    for second, used, only in [
+            (1.0, [wifi], ''), (2.0, [lte], ''),        # it has moved: it never had both
+            (3.0, [wifi, lte], ''), (4.0, [wifi], 'wlan0'), (5.0, [lte], '100.64.0.9'), (6.0, [lte, wifi], ''),
+            (7.0, [wifi, lte._replace(silence=SILENCE)], 'wlan0'), (8.0, [wifi, lte._replace(max_rate=1.0)], '')]:
+        bundle.follow(used, second)
+        assert bundle.only == only, second

@@ -375,6 +375,12 @@ def test_a_path_with_a_hole_shows_in_the_link_s_line(relayed: bool) -> None:
     assert texts[1].endswith('as /op reports; datagrams above 1172 bytes do not pass')
 
 
+@pytest.mark.parametrize('state,level', [('as /op reports', 0), ('as /op reports, less for /only', 0),
+                                         ('no reports of /op for 2.0 s', 1), ('fixed, over wwan0 only', 1)])
+def test_the_state_of_a_relayed_link_may_be_a_problem(state: str, level: int) -> None:
+    assert relayed_link(LinkStatus(state=state))[0].level == level
+
+
 def test_the_wifi_of_both_sides() -> None:
     robot = status('wifi', 'robot_node: wifi', side='robot', wifi='wlan0', ssid='net', **{
         'signal [dBm]': '-60', 'noise [dBm]': 'nan', 'tx bitrate [Mbit/s]': '65', 'rx bitrate [Mbit/s]': '6.5',

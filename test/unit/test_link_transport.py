@@ -16,7 +16,7 @@ from polling import WAIT, wait_for
 from sensor_msgs.msg import CompressedImage, Image, LaserScan
 from std_msgs.msg import Header, String
 
-from smokebot_udp.link.packets import Suite
+from smokebot_udp.link.packets import OVERHEAD, Suite
 from smokebot_udp.link.parts import PART
 from smokebot_udp.link.peer import Delivery, Joined, Left, Peer
 from smokebot_udp.link.peer_topics import PeerTopics
@@ -24,7 +24,7 @@ from smokebot_udp.link.session import Session
 from smokebot_udp.link.tables import SEEN, Lists, Local, NameEntry, Role, Table, Topic, pack_lists, pack_names
 from smokebot_udp.link.topics import Outgoing, headed
 from smokebot_udp.link.transport import shares
-from smokebot_udp.udpros.datagram import HEADER
+from smokebot_udp.udpros.datagram import HEADER, IP_UDP_HEADERS
 from smokebot_udp.udpros.endpoints import BatchSender
 from smokebot_udp.udpros.packetizer import no_limit
 
@@ -481,6 +481,31 @@ def test_what_was_not_asked_for_is_not_delivered(made: Links) -> None:
     publisher.publish(String('asked'))
     inbox.wait(lambda: inbox.messages)
     assert [message.data for message in inbox.messages] == ['asked']
+
+
+def test_bytes_are_counted_by_address(made: Links) -> None:
+    """Also what went to former peers of the name, and with all headers."""
+    robot, _ = made.robot()
+    operator, _ = made.operator(robot.port, hosts=['127.0.0.2', '127.0.0.1'])
+
+    def carried() -> Dict[str, int]:
+        stats = operator.stats(time.monotonic())
+        assert stats is not None
+        return dict(stats.peers[0].carried) if stats.peers else {}
+    wait_for(lambda: set(carried()) == {'127.0.0.1', '127.0.0.2'})      # it is asked at both
+    publisher, inbox = operator.publisher(CHAT, String), Inbox()
+    robot.subscriber(CHAT, String, inbox.message)
+    settle(publisher)
+    before = sum(carried().values())
+    for _ in range(100):
+        publisher.publish(String('x' * 1000))
+    inbox.wait(lambda: len(inbox.messages) == 100)
+    sent = sum(carried().values()) - before
+    assert 100 * (1000 + HEADER.size + OVERHEAD + IP_UDP_HEADERS) < sent < 150000
+    robot.close()
+    again, _ = made.robot(robot.port)
+    wait_for(lambda: operator.stats(0.0).handshakes == 2)       # type: ignore[union-attr]
+    assert carried()['127.0.0.2'] > sent / 2
 
 
 def test_why_a_peer_gets_no_topic(made: Links) -> None:

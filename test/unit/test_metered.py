@@ -20,14 +20,14 @@ def test_paths_by_a_metered_interface_have_its_maximum_rate() -> None:
     metered = Metered(' wwan0, lo,', 5e4, reported.append, route)
     assert reported == ["metered: this machine has no interface 'wwan0' now"]
     paths = {'/desk': [WIFI, LTE], '/other': [LTE]}
-    assert metered.mark(paths, 1.0) == {'/desk': [WIFI, LTE._replace(max_rate=5e4)],
-                                        '/other': [LTE._replace(max_rate=5e4)]}
+    wifi, lte = WIFI._replace(interface='wlan0'), LTE._replace(interface='wwan0', max_rate=5e4)
+    assert metered.mark(paths, 1.0) == {'/desk': [wifi, lte], '/other': [lte]}
     metered.mark(paths, 1.5)
     assert asked == ['10.0.0.9', '100.64.0.9']
     interfaces['100.64.0.9'] = 'eth0'       # the route has changed
-    assert metered.mark(paths, 1.0 + ROUTE_PERIOD)['/other'] == [LTE]
+    assert metered.mark(paths, 1.0 + ROUTE_PERIOD)['/other'] == [LTE._replace(interface='eth0')]
 
 
-def test_without_names_nothing_is_asked() -> None:
-    metered = Metered('', math.inf, lambda text: None, lambda host: 1 / 0)      # type: ignore[arg-type, return-value]
+def test_without_a_route_no_path_is_metered() -> None:
+    metered = Metered('', math.inf, lambda text: None, lambda host: Route('', ''))
     assert metered.mark({'/desk': [WIFI, LTE]}, 1.0) == {'/desk': [WIFI, LTE]}

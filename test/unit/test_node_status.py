@@ -68,6 +68,8 @@ def test_the_link_s_status() -> None:
     assert (holed.level, holed.message) == (
         WARN, 'no reports of /op for 2.0 s, datagrams above 1172 bytes do not pass')
     assert holed.values['longest datagram [byte]'] == 1172
+    lone = dataclasses.replace(stats, only='wwan0')
+    assert (link_status(lone).level, link_status(lone).message) == (WARN, 'as /op reports, over wwan0 only')
     fixed = link_status(dataclasses.replace(stats, adaptive=False, rate=None, timeout=True))
     assert (fixed.level, fixed.message) == (OK, 'fine')
     assert fixed.values['state'] == 'fixed' and fixed.values['rate [Mbit/s]'] == 0
@@ -151,6 +153,16 @@ def test_the_paths_that_are_not_used_are_listed() -> None:
                     'robot at 10.2.0.7:17001 (beside, round trip 70 ms); robot at 10.3.0.7:17001 (not used)')
     assert [(peer['host'], peer['used'], peer['round_trip']) for peer in peers_in(text)] == [
         ('10.1.0.7', True, 0.06), ('10.0.0.7', False, 0.01), ('10.2.0.7', False, 0.07), ('10.3.0.7', False, None)]
+
+
+def test_what_was_sent_to_each_address_of_a_peer_is_listed() -> None:
+    sent = {'10.0.0.9': 12345678, '10.1.0.9': 50000, '10.9.0.9': 1000000}
+    peer = PeerStats('desk', ('10.0.0.9', 40000), 0.2, 0.01, second=('10.1.0.9', 40001), carried=sent)
+    text = transport_status(TransportStats([peer], 1, {}, None)).values['connected to']
+    assert text == ('desk at 10.0.0.9:40000 (round trip 10 ms, 12.3 MB sent); '
+                    'desk at 10.1.0.9:40001 (commands only, 0.1 MB sent)')
+    assert [(peer['host'], peer['used'], peer['round_trip']) for peer in peers_in(text)] == [
+        ('10.0.0.9', True, 0.01), ('10.1.0.9', False, None)]
 
 
 def test_where_copies_go_is_listed() -> None:

@@ -133,11 +133,17 @@ class Bundle:
         self._known: Newest[Any, _Estimate] = Newest(MAX_ESTIMATES)
         self._paths = [_Path(None, FeedbackReader(history), _Estimate(now, limits), -math.inf)]
         self._train, self._train_left = 0, 0.0      # the path that is measured, and what of its train has not left
+        self._has_two = False       # whether there ever were two
+        self.only = ''
+        """The path by which it is reached, where there were two: its interface, or the operator's host there."""
 
     # -- which paths there are, and what they get -----------------------------------------------------
 
     def follow(self, used: Sequence[PathUse], now: float) -> None:
         """Use these paths from now on, one or two; the second one where it is not silent."""
+        alone = len(used) == 1 or used[1].silence >= SILENCE
+        self._has_two |= not alone
+        self.only = (used[0].interface or used[0].host) if self._has_two and alone else ''
         used = [used[0], *(one for one in used[1:2] if self._is_useful(one, now))]
         first = self._paths[0]
         if first.key is None:

@@ -55,15 +55,16 @@ FAIR_PREFERENCE = 0.75
 """degradation_preference from which on images lose only bytes as long as they are fair."""
 
 LATE_RATE = 1.0
-"""The least rate of layered images that leave later than within least_rate's period, as of clouds and messages [Hz]."""
+"""The least rate of layered images that leave later than within least_rate's period, as that of clouds and messages
+[Hz]."""
 
 
 def layered_points(rate: float, size: float, degradation_preference: float = 0.75, fair_size: float = 4000.0,
                    least_size: float = 1000.0, least_rate: float = 4.0) -> List[OperatingPoint]:
     """Operating points of layered images: fewer bytes an image, and fewer images.
 
-    The last bytes of an image are hardly seen. So bytes give way first, and from a fair image on both. Where not even the
-    least images can leave in time, they come late, down to LATE_RATE: late images are better than none.
+    The last bytes of an image are hardly seen. So bytes give way first, and from a fair image on both. Where not even
+    the least images can leave in time, they come late, down to LATE_RATE: late images are better than none.
 
     :param rate: of images, as requested or of the source [Hz]
     :param size: of a complete image on the air [byte]

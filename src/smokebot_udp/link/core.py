@@ -19,8 +19,8 @@ from typing import Callable, Counter, Dict, List, Optional, Tuple
 import numpy as np
 
 from ..arrays import BoolArray, IntArray, Records, UInt8Array
-from ..udpros.datagram import HEADER
-from .control import COPY, FIRST_TABLE_ID, SECOND, SIZE, Control, marked, message
+from ..udpros.datagram import HEADER, IP_UDP_HEADERS
+from .control import CHALLENGE_SIZE, COPY, FIRST_TABLE_ID, SECOND, SIZE, Control, marked, message
 from .cookie import Place
 from .packets import INSTANCE_SIZE, MIN_BODY, OVERHEAD, Kind, Malformed, Packet, parse
 from .peer import Address, Delivery, Event, Left, Peer, address_of
@@ -242,8 +242,12 @@ class LinkCore(abc.ABC):
     def _send(self, place: Place, packet: bytes) -> None:
         self._outputs.append((address_of(place), packet))
 
-    def _send_control(self, peer: Peer, kind: Control) -> None:
-        self._send(peer.place, peer.seal_one(message(kind)))
+    def _send_control(self, peer: Peer, kind: Control, body: bytes = bytes(CHALLENGE_SIZE),
+                      place: Optional[Place] = None) -> None:
+        """Send a message of the core itself to a place of a peer; None: where it is."""
+        to, packet = place or peer.place, peer.seal_one(message(kind, body))
+        peer.count(to, len(packet) + IP_UDP_HEADERS)
+        self._send(to, packet)
 
     def _new_index(self) -> int:
         """A random one that names no session."""

@@ -31,7 +31,7 @@ from typing import List, Optional, Sequence, Tuple
 from ..arrays import IntArray, Records, UInt8Array
 from ..newest import Newest
 from ..version import OURS, Software, difference
-from .control import CHALLENGE_SIZE, Control, message
+from .control import CHALLENGE_SIZE, Control
 from .cookie import Place
 from .core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
 from .noise import Forged, Initiator
@@ -213,7 +213,7 @@ class OperatorCore(LinkCore):
         for path in paths.due(now):
             challenge = self._random(CHALLENGE_SIZE)
             path.ask(challenge, now)
-            self._send(path.place, robot.seal_one(message(Control.PATH_CHALLENGE, challenge)))
+            self._send_control(robot, Control.PATH_CHALLENGE, challenge, path.place)
         if paths.choose(now):
             robot.place = paths.used
             self._send_control(robot, Control.KEEP_ALIVE)   # the robot follows it
@@ -425,7 +425,7 @@ class OperatorCore(LinkCore):
         """Rule 10."""
         if kind == Control.PATH_CHALLENGE:
             place = source if source in self._places else peer.place
-            self._send(place, peer.seal_one(message(Control.PATH_RESPONSE, body)))
+            self._send_control(peer, Control.PATH_RESPONSE, body, place)
         elif self._paths is None or not self._paths.take(body, now):
             self.dropped['not asked for'] += 1
 

@@ -5,12 +5,14 @@ A Peer is one run (instance) of the other side's process. It outlives sessions a
 change it in place. Another run is another Peer, with a higher number.
 """
 import math
+import threading
 from dataclasses import dataclass
-from typing import Optional, Tuple, Union
+from typing import Dict, Optional, Tuple, Union
 
 import numpy as np
 
 from ..arrays import IntArray, UInt8Array
+from ..newest import Newest
 from .cookie import Place
 from .packets import Reason
 from .session import Session
@@ -29,6 +31,10 @@ def place_at(address: Address) -> Place:
     """The place of a dotted address and a port."""
     host, port = address
     return int.from_bytes(bytes(int(part) for part in host.split('.')), 'big'), port
+
+
+MAX_HOSTS = 8
+"""Addresses of a peer whose bytes are remembered."""
 
 
 class Peer:
@@ -59,6 +65,8 @@ class Peer:
         """Round-trip time of the latest handshake, including the other side's reaction [s]."""
         self._session = session
         self._sealed = 0    # by former sessions
+        self._carried: Newest[str, int] = Newest(MAX_HOSTS)
+        self._counting = threading.Lock()
 
     @property
     def address(self) -> Address:
@@ -74,6 +82,21 @@ class Peer:
     def sent(self) -> int:
         """Packets sealed for it."""
         return self._sealed + self._session.sent
+
+    @property
+    def carried(self) -> Dict[str, int]:
+        """{host: bytes that were sent to it there, IP and UDP headers included}; any thread."""
+        with self._counting:
+            return dict(self._carried)
+
+    def count(self, place: Place, size: int) -> None:
+        """Count what was sent to it; any thread.
+
+        :param size: IP and UDP headers included [byte]
+        """
+        host = address_of(place)[0]
+        with self._counting:
+            self._carried[host] = self._carried.get(host, 0) + size
 
     def use(self, session: Session) -> None:
         """Seal under new keys from now on."""

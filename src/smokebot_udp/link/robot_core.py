@@ -27,7 +27,7 @@ from typing import Dict, List, Optional
 from ..budget import Budget
 from ..newest import Newest
 from ..version import OURS, Software, difference
-from .control import CHALLENGE_SIZE, SIZE, Control, message
+from .control import CHALLENGE_SIZE, SIZE, Control
 from .cookie import LIFETIME, CookieJar, Place
 from .core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
 from .noise import Forged, Responder
@@ -251,7 +251,7 @@ class RobotCore(LinkCore):
 
     def _challenge(self, peer: Peer, check: PathCheck, now: float) -> None:
         if check.may_send(SIZE + OVERHEAD, now):
-            self._send(check.place, peer.seal_one(message(Control.PATH_CHALLENGE, check.challenge)))
+            self._send_control(peer, Control.PATH_CHALLENGE, check.challenge, check.place)
 
     def _on_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
         """Rule 8."""
@@ -286,7 +286,7 @@ class RobotCore(LinkCore):
                 self._challenge(peer, check, now)
             if not check.may_answer(SIZE + OVERHEAD, now):
                 return
-        self._send(source, peer.seal_one(message(Control.PATH_RESPONSE, body)))
+        self._send_control(peer, Control.PATH_RESPONSE, body, source)
 
     def _move(self, peer: Peer, place: Place, now: float) -> None:
         """Its address before is proved as well."""

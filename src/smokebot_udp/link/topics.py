@@ -21,6 +21,7 @@ from ..udpros.frame import Frame, first_messages
 from ..udpros.packetizer import Limit, Packetizer
 from ..udpros.records import has_header, record_dtype
 from .control import COPY, SECOND, marked, with_mark, without_marks
+from .cookie import Place
 from .packets import OVERHEAD
 from .peer import Peer, address_of
 from .tables import Topic
@@ -73,15 +74,19 @@ class PeerSender:
             place, datagrams, self._peer.second_used = second, with_mark(datagrams, SECOND), time.monotonic()
         else:
             self._copy(datagrams)
-        sealed = self._peer.seal(datagrams)
-        return self._sender.send(sealed, sealed.shape[1], len(sealed), to=address_of(place))
+        return self._send_to(place, datagrams)
 
     def _copy(self, datagrams: UInt8Array) -> None:
         """Send copies by the second path. They are sealed first: the newest packet says where this side is."""
         second = self._peer.second
         if second is not None and self._copies.take(time.monotonic()):
-            sealed = self._peer.seal(with_mark(datagrams, COPY))
-            self._sender.send(sealed, sealed.shape[1], len(sealed), to=address_of(second))
+            self._send_to(second, with_mark(datagrams, COPY))
+
+    def _send_to(self, place: Place, datagrams: UInt8Array) -> int:
+        sealed = self._peer.seal(datagrams)
+        sent = self._sender.send(sealed, sealed.shape[1], len(sealed), to=address_of(place))
+        self._peer.count(place, sent * (sealed.shape[1] + IP_UDP_HEADERS))
+        return sent
 
 
 class Outgoing:

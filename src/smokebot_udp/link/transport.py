@@ -4,6 +4,7 @@
 RobotTransport listens on one UDP port, OperatorTransport speaks first. Everything that decides is in the core and in
 tables.py; the endpoint's thread runs it, and calls all callbacks of subscribers.
 """
+import collections
 import os
 import socket
 import threading
@@ -15,6 +16,7 @@ import rospy
 
 from .. import traffic
 from ..budget import Budget
+from ..newest import Newest
 from ..paths import PathUse
 from ..transport import PathStats, PeerStats, TransportStats, always, nothing
 from ..udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE
@@ -43,6 +45,9 @@ PROBLEM_AFTER = 2.0
 
 REPORTED, REPORT_PERIOD = 50, 1.0
 """Differences of topics are reported so often at once, and then once in this time, in turns of the peers [1, s]."""
+
+MAX_FORMER = 32
+"""Peers that have left whose bytes are remembered."""
 
 LOGGED, LOG_PERIOD = 50, 1.0
 """What happens to peers is logged so often at once, and then once in this time: a peer may join and leave again
@@ -83,6 +88,7 @@ class LinkTransport:
         self._publishers: Dict[int, Publisher] = {}             # by connection id; replaced, not changed, as are these
         self._subscribers: Dict[int, Subscriber] = {}
         self._peers: Dict[int, PeerTopics] = {}                 # by the peer's number
+        self._former: Newest[str, Dict[str, int]] = Newest(MAX_FORMER)      # {name: carried} of peers that left
         self._told: Set[Tuple[int, str]] = set()    # (peer's number, topic)
         self._differences: List[str] = []           # the first one to each peer
         self._report_budget = Budget(REPORTED, REPORT_PERIOD)
@@ -183,9 +189,16 @@ class LinkTransport:
         peers = [topics.peer for topics in self._peers.values()]
         return TransportStats(
             [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip, self._paths(peer, now),
-                       None if peer.second is None else address_of(peer.second), now - peer.second_used < SHARED_FOR)
+                       None if peer.second is None else address_of(peer.second), now - peer.second_used < SHARED_FOR,
+                       self._carried_to(peer))
              for peer in peers],
             self._handshakes + sum(peer.handshakes for peer in peers), self.dropped(), self.problem(), self.remarks)
+
+    def _carried_to(self, peer: Peer) -> Dict[str, int]:
+        """{host: bytes} to a peer until now, and to former ones of its name."""
+        carried = collections.Counter(self._former.get(peer.name, {}))
+        carried.update(peer.carried)
+        return carried
 
     def _paths(self, peer: Peer, now: float) -> Sequence[PathStats]:
         """Those to a peer, where this side chooses one [s]."""
@@ -229,6 +242,7 @@ class LinkTransport:
 
     def _forget(self, peer: Peer) -> None:
         self._peers = without(self._peers, peer.number)
+        self._former[peer.name] = self._carried_to(peer)
         self._handshakes += peer.handshakes
         self._told = {(number, topic) for number, topic in self._told if number != peer.number}
         for publisher in self._publishers.values():

@@ -12,7 +12,7 @@ from .windows import Growths
 
 PEER = re.compile(r'(?P<name>\S+) at (?P<host>[^\s:]+):(?P<port>\d{1,5})'
                   r'(?: \((?P<unused>not used|commands only|beside)?(?:, )?(?:silent(?: for \d+ s)?)?(?:, )?'
-                  r'(?:round trip (?P<round_trip>\d{1,9}) ms)?\))?', re.ASCII)
+                  r'(?:round trip (?P<round_trip>\d{1,9}) ms)?(?:, )?(?:[0-9.]{1,9} MB sent)?\))?', re.ASCII)
 """A peer in words, as `_peer` makes it."""
 
 HOLE = 'datagrams above %d bytes do not pass'
@@ -21,7 +21,7 @@ HOLE = 'datagrams above %d bytes do not pass'
 def link_status(stats: LinkStats) -> Status:
     """The status of the link, on the robot's side."""
     verdict, hole = Verdict(), {} if stats.longest is None else {'longest datagram [byte]': stats.longest}
-    if stats.adaptive and stats.timeout:
+    if stats.adaptive and stats.timeout or stats.only:
         verdict.add(WARN, stats.state)
     if stats.longest is not None:
         verdict.add(WARN, HOLE % stats.longest)
@@ -102,20 +102,22 @@ def _peer(peer: PeerStats) -> List[str]:
     others = {path.address: path for path in peer.paths if not path.is_used}
     if peer.second is not None:
         others.setdefault(peer.second, PathStats(peer.second, False, peer.is_shared, 0.0, None))
-    return [_reached(peer.name, peer.address, peer.silence, peer.round_trip, '')] + [
-        _reached(peer.name, path.address, path.silence, path.round_trip,
+    return [_reached(peer, peer.address, peer.silence, peer.round_trip, '')] + [
+        _reached(peer, path.address, path.silence, path.round_trip,
                  'beside' if path.is_shared else 'commands only' if path.address == peer.second else 'not used')
         for path in others.values()]
 
 
-def _reached(name: str, address: Tuple[str, int], silence: float, round_trip: Optional[float], use: str) -> str:
+def _reached(peer: PeerStats, address: Tuple[str, int], silence: float, round_trip: Optional[float], use: str) -> str:
     """:param use: of the address, unless everything goes there"""
     parts = [use] if use else []
     if silence >= 1:
         parts.append('silent for %.0f s' % silence)
     if round_trip is not None:
         parts.append('round trip %.0f ms' % (1e3 * round_trip))
-    return '%s at %s:%d%s' % (name, *address, ' (%s)' % ', '.join(parts) if parts else '')
+    if len(peer.carried) > 1:
+        parts.append('%.1f MB sent' % (peer.carried.get(address[0], 0) / 1e6))
+    return '%s at %s:%d%s' % (peer.name, *address, ' (%s)' % ', '.join(parts) if parts else '')
 
 
 def peers_in(text: str) -> List[Dict[str, Any]]:

@@ -4,6 +4,7 @@
 Counters only grow, or restart from 0.
 """
 import math
+import re
 from dataclasses import dataclass, field
 from typing import Dict, NamedTuple, Optional, Sequence, Tuple
 
@@ -11,6 +12,15 @@ from ..image_error import ImageError
 
 PAUSED = 'the link is too slow for it and the other streams'
 """Problem of a stream that is not sent because of this."""
+
+
+OVER_ONE = ', over %s only'
+"""What ends the state of a link that lost one of two paths."""
+
+NO_REPORTS = 'no reports of %s for %.1f s'
+
+PROBLEM = re.compile('%s.*|.*%s' % (NO_REPORTS.split('%')[0], OVER_ONE.replace('%s', r'\S+')))
+"""The state of a link that somebody should know of."""
 
 
 @dataclass(frozen=True)
@@ -115,6 +125,8 @@ class LinkStats:
     """Time since its last report [s]."""
     timeout: bool = False
     """Whether reports are missing, so that the rate falls where it is used."""
+    only: str = ''
+    """The path by which it is reached, where there were two: an interface, or a host; empty: by all that there were."""
     slower: Dict[str, float] = field(default_factory=dict)
     """{operator with a slower link: its part of the rate [byte/s]}; it gets a part of the datagrams."""
     refused_reports: Dict[str, int] = field(default_factory=dict)
@@ -122,11 +134,15 @@ class LinkStats:
 
     @property
     def state(self) -> str:
-        """What the rate depends on now, in words."""
+        """What the rate depends on now, in words, and by which path alone operators are reached."""
+        return self._dependence + (OVER_ONE % self.only if self.only else '')
+
+    @property
+    def _dependence(self) -> str:
         if not self.adaptive:
             return 'fixed'
         if self.operator is None:
             return 'no operator has reported yet'
         if self.timeout:
-            return 'no reports of %s for %.1f s' % (self.operator, self.silence)
+            return NO_REPORTS % (self.operator, self.silence)
         return 'as %s reports%s' % (self.operator, ', less for ' * bool(self.slower) + ', '.join(sorted(self.slower)))

@@ -11,7 +11,7 @@ from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from ..mission.parameters import EXCHANGES
 from ..monitoring.node_status import HOLE, control_text
-from ..monitoring.stats import PAUSED
+from ..monitoring.stats import PAUSED, PROBLEM
 from ..monitoring.status import LEVELS, OK, OPERATOR, ROBOT, STALE, WARN, Kind, Status, printable
 from ..monitoring.wifi import WifiState, wifi_status
 from ..msg import LinkStatus, RobotStatus
@@ -53,7 +53,7 @@ def full_name(node: str) -> str:
 def relayed_link(message: Any) -> List[Status]:
     """What a relayed LinkStatus reports, as link_status and wifi_status of monitoring/ do."""
     wifi = wifi_status(WifiState(**{field.name: getattr(message.wifi, field.name) for field in fields(WifiState)}))
-    problems = [message.state] * message.state.startswith('no reports')
+    problems = [message.state] * bool(PROBLEM.fullmatch(message.state))
     problems += [HOLE % message.longest_datagram] if message.longest_datagram else []
     link = Status(Kind.LINK, 'link control', WARN if problems else OK, ', '.join(problems) or message.state, {
         'state': message.state,
