@@ -7,7 +7,7 @@ from layered_operator import Operator
 from layered_sender import DATAGRAM, NO_LOSS, encoder, image, settings
 
 from smokebot_udp.streams.frame_end import FIRST_MARGIN
-from smokebot_udp.streams.held import from_message, to_message
+from smokebot_udp.streams.held import Holding, from_message, to_message
 from smokebot_udp.streams.outlook import Outlook
 
 Loss = Callable[[str, int], Collection[int]]
@@ -41,6 +41,8 @@ class PredictedLink:
             self.join(name)
         self.encoder.see(operators=lambda part: list(self.operators))
         self._reports: List[Tuple[int, str, Any]] = []      # number of the image when it comes, operator, message
+        self.reported: Dict[str, Holding] = {}
+        """The last report of each operator that has come."""
         self.sent: List[Any] = []
         """Records of each image."""
 
@@ -57,7 +59,8 @@ class PredictedLink:
         """
         for report in [report for report in self._reports if report[0] <= len(self.sent)]:
             self._reports.remove(report)
-            self.encoder.held(report[1], from_message(report[2]))
+            self.reported[report[1]] = from_message(report[2])
+            self.encoder.held(report[1], self.reported[report[1]])
         self.now += self.period
         message = image(pixels, encoding)
         message.header.stamp = Time.from_sec(self.now)

@@ -87,3 +87,11 @@ def test_references_are_displaced_before_they_are_blended() -> None:
     expected[8, 8] = 160
     assert blend.predicted(course, first, second).tolist() == expected.tolist()
     assert blend.predicted(course._replace(second=None), first, second) is first
+
+
+def test_a_second_reference_that_helps_by_a_fiftieth_is_used() -> None:
+    """By hand: noise of 4 and of 20 counts, so a sixteenth leaves (15/16)^2 + (1/16)^2 * 25 = 0.977 of the squares."""
+    random = np.random.RandomState(2)
+    image = np.full((64, 512), 128, np.uint8)
+    first, second = (np.rint(image + random.normal(0, sigma, image.shape)).astype(np.uint8) for sigma in (4, 20))
+    assert blend.share_of(first, second, image) == 1

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Which images all operators hold that a stream is sent to, by their reports (msg/Held).
 
-Images are predicted from these only, unless nothing moves: nobody needs what may have been lost. An operator that was
-sent an image and does not report for TIMEOUT must not ruin the images of the others for longer. It is left out, but
+Images are predicted from these, or from what is on its way where that risks little (prediction.py). An operator that
+was sent an image and does not report for TIMEOUT must not ruin the images of the others for longer. It is left out, but
 until it reports again one image each REFRESH needs no reference, in case that only its reports get lost.
 """
 import math

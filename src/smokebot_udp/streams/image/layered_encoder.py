@@ -59,10 +59,6 @@ LUCKY, LUCKIER = 0.1, 1.1
 """No more is coded than this many times what arrives of the budget at losses that are exceeded unless with that
 probability."""
 
-OFTEN = 0.8
-"""Layers that are restored with this probability may be predicted from before anybody reports them, while nothing
-moves."""
-
 
 class LayeredImages(CompressedImages):
     """Encodes images, and estimates what a complete one takes. `encode` is called by one thread, the others by any.
@@ -153,7 +149,7 @@ class LayeredImages(CompressedImages):
         coded = CodedImage(shape_of(job.source.pixels), stream.prefixes,
                            [end - len(beginning) for end in ends_of(plan.layers, plan.count)])
         known = _in_proportion(layer_errors, float(errors[0]) / stream.cells, prediction)
-        self._predictor.sent(coded, known, _likely(plan, job.outlook), prediction, job.stamp, job.operators, job.began)
+        self._predictor.sent(coded, known, _chances(plan, job.outlook), prediction, job.stamp, job.operators, job.began)
         return frame, plan.layers[0].threshold
 
     def _predicted(self, job: '_Job') -> Optional[Prediction]:
@@ -303,10 +299,10 @@ def _in_proportion(errors: List[float], first: float, prediction: Optional[Predi
     return [error * prediction.error / first for error in errors]
 
 
-def _likely(plan: Plan, outlook: Outlook) -> int:
-    """How many layers of an image are restored with the probability OFTEN, at least."""
+def _chances(plan: Plan, outlook: Outlook) -> List[float]:
+    """How likely each layer of an image is restored."""
     restored = survival(plan.count, outlook.air.losses, outlook.air.burst)
-    return sum(bool(restored[layer.threshold - 1] >= OFTEN) for layer in plan.layers)
+    return [float(restored[layer.threshold - 1]) for layer in plan.layers]
 
 
 def _complete(stream: image.LayeredStream, useful: int) -> float:
