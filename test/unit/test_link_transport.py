@@ -505,7 +505,7 @@ def test_bytes_are_counted_by_address(made: Links) -> None:
     robot.close()
     again, _ = made.robot(robot.port)
     wait_for(lambda: operator.stats(0.0).handshakes == 2)       # type: ignore[union-attr]
-    assert carried()['127.0.0.2'] > sent / 2
+    assert sum(carried().values()) > before + sent
 
 
 def test_why_a_peer_gets_no_topic(made: Links) -> None:
