@@ -2,8 +2,8 @@
 """What crosses a link of `bench live` beside the image stream, with the nodes as shipped and nothing else to send.
 
 Datagrams and TCP are counted by their ports and their DSCP at the operator's end. With a shared master each part of a
-stream has ports of its own; with own masters all has one, but images have a DSCP of their own (smokebot_udp/traffic.py).
-So the largest flow is the images'.
+stream has ports of its own; with own masters all has one, but images have a DSCP of their own (traffic.py). So the
+largest flow is the images'.
 """
 import json
 import pathlib

@@ -136,7 +136,8 @@ LISTED = """{"nftables": [{"metainfo": {}}, {"set": {"name": "incoming", "elem":
 
 def test_flows_are_counted_and_the_largest_one_may_be_left_out() -> None:
     counted = flows(LISTED)
-    assert counted == {'incoming': {('udp', 40000, 50000, 'af41'): 9000, ('udp', 40000, 50000, 'ef'): 100}, 'outgoing': {}}
+    assert counted == {
+        'incoming': {('udp', 40000, 50000, 'af41'): 9000, ('udp', 40000, 50000, 'ef'): 100}, 'outgoing': {}}
     before = Moment(10.0, {'incoming': {('udp', 40000, 50000, 'af41'): 1000}, 'outgoing': {}})
     after = Moment(12.0, counted)
     assert after.since(before, 'incoming') == pytest.approx(8e-3 * 8100 / 2)
