@@ -63,8 +63,9 @@ def missed(results: Mapping[str, Any]) -> List[str]:
             _judge_cell(judge, cell, by_method)
     _judge_steps(judge, [row for row in results['steps'] if row['method'] == OURS])
     for row in results['idle']:
-        judge.most(row['cell'], 'what crosses beside the images (%s) [kbit/s]' % row['streams'],
-                   row['to operator then [kbit/s]'], IDLE * 1e3 * row['link [Mbit/s]'])
+        if row['streams'] != 'none':
+            judge.most(row['cell'], 'what crosses beside the images [kbit/s]', row['to operator then [kbit/s]'],
+                       IDLE * 1e3 * row['link [Mbit/s]'])
     return judge.missed
 
 

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What crosses a link of `bench live` beside the image stream, with the nodes as shipped and nothing else to send.
 
-Datagrams and TCP are counted by their ports at the operator's end. With a shared master each part of a stream has
-ports of its own, so the largest flow is the images'; with own masters all is one flow, and only a run without a camera
-tells.
+Datagrams and TCP are counted by their ports and their DSCP at the operator's end. With a shared master each part of a
+stream has ports of its own; with own masters all has one, but images have a DSCP of their own (traffic.py). So the
+largest flow is the images'.
 """
 import json
 import pathlib
@@ -16,21 +16,20 @@ from smokebot_udp.link_lab.lab import DEVICE, TwoSides
 
 from .live_run import Cell, LiveRun
 from .live_score import Row
-from .own_masters import OwnMasters
 from .stack import Stack
 
 TABLE = 'flows'
 RULES = """
 table ip %(table)s {
-    set incoming { type inet_proto . inet_service . inet_service; size 4000; flags dynamic; counter; }
-    set outgoing { type inet_proto . inet_service . inet_service; size 4000; flags dynamic; counter; }
+    set incoming { type inet_proto . inet_service . inet_service . dscp; size 4000; flags dynamic; counter; }
+    set outgoing { type inet_proto . inet_service . inet_service . dscp; size 4000; flags dynamic; counter; }
     chain input {
         type filter hook input priority 0; policy accept;
-        iifname "%(device)s" update @incoming { ip protocol . th sport . th dport }
+        iifname "%(device)s" update @incoming { ip protocol . th sport . th dport . ip dscp }
     }
     chain output {
         type filter hook output priority 0; policy accept;
-        oifname "%(device)s" update @outgoing { ip protocol . th sport . th dport }
+        oifname "%(device)s" update @outgoing { ip protocol . th sport . th dport . ip dscp }
     }
 }
 """ % {'table': TABLE, 'device': DEVICE}
@@ -39,7 +38,7 @@ COMPLETE = 10.0
 """What the streams announce of themselves has crossed this long after both sides are there [s]."""
 
 Flow = Tuple[Any, ...]
-"""(protocol, source port, destination port)"""
+"""(protocol, source port, destination port, DSCP)"""
 
 
 def flows(text: str) -> Dict[str, Dict[Flow, int]]:
@@ -70,7 +69,7 @@ def idle(cell: Cell, masters: Type[Stack]) -> Iterator[Row]:
 
     At first: until COMPLETE; then: in the cell's seconds after that.
     """
-    for camera in (False, True)[:1 if masters is OwnMasters else 2]:
+    for camera in (False, True):
         with tempfile.TemporaryDirectory() as name:
             folder = pathlib.Path(name)
             with LiveRun(cell, 'layered', folder, folder / 'nodes.log', masters, camera, begin) as live:

@@ -55,6 +55,7 @@ def test_steps_are_to_be_over_soon_and_nothing_beside_the_images_is_to_take_much
         return {'cell': 'steps', 'method': 'ours', 'rate': rate, 'oldest [s]': oldest, 'steady after [s]': after}
     assert missed(results(steps=[step(3, 9.0, None), step(0.5, 0.4, 1.0), step(3, 0.4, 2.0)])) == []
     assert len(missed(results(steps=[step(3, 0.1, 0.1), step(0.5, 0.5, 1.1), step(3, 0.1, None)]))) == 3
-    idle = {'cell': 'idle', 'streams': 'none', 'link [Mbit/s]': 0.3}
+    idle = {'cell': 'idle', 'streams': 'camera', 'link [Mbit/s]': 0.3}
     assert missed(results(idle=[{**idle, 'to operator then [kbit/s]': 9.0}])) == []
     assert len(missed(results(idle=[{**idle, 'to operator then [kbit/s]': 40.0}]))) == 1
+    assert missed(results(idle=[{**idle, 'streams': 'none', 'to operator then [kbit/s]': 40.0}])) == []

@@ -129,15 +129,16 @@ def test_a_clip_is_played_forwards_and_backwards() -> None:
 
 
 LISTED = """{"nftables": [{"metainfo": {}}, {"set": {"name": "incoming", "elem": [
-    {"elem": {"val": {"concat": ["udp", 40000, 50000]}, "counter": {"packets": 9, "bytes": 9000}}},
-    {"elem": {"val": {"concat": ["tcp", 11311, 50001]}, "counter": {"packets": 1, "bytes": 100}}}]}},
+    {"elem": {"val": {"concat": ["udp", 40000, 50000, "af41"]}, "counter": {"packets": 9, "bytes": 9000}}},
+    {"elem": {"val": {"concat": ["udp", 40000, 50000, "ef"]}, "counter": {"packets": 1, "bytes": 100}}}]}},
     {"set": {"name": "outgoing"}}]}"""
 
 
 def test_flows_are_counted_and_the_largest_one_may_be_left_out() -> None:
     counted = flows(LISTED)
-    assert counted == {'incoming': {('udp', 40000, 50000): 9000, ('tcp', 11311, 50001): 100}, 'outgoing': {}}
-    before = Moment(10.0, {'incoming': {('udp', 40000, 50000): 1000}, 'outgoing': {}})
+    assert counted == {
+        'incoming': {('udp', 40000, 50000, 'af41'): 9000, ('udp', 40000, 50000, 'ef'): 100}, 'outgoing': {}}
+    before = Moment(10.0, {'incoming': {('udp', 40000, 50000, 'af41'): 1000}, 'outgoing': {}})
     after = Moment(12.0, counted)
     assert after.since(before, 'incoming') == pytest.approx(8e-3 * 8100 / 2)
     assert after.since(before, 'incoming', largest=False) == pytest.approx(8e-3 * 100 / 2)
