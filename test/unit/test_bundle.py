@@ -169,3 +169,6 @@ def test_who_lost_one_of_two_paths_is_reached_over_the_other_one_only() -> None:
             (7.0, [wifi, lte._replace(silence=SILENCE)], 'wlan0'), (8.0, [wifi, lte._replace(max_rate=1.0)], '')]:
         bundle.follow(used, second)
         assert bundle.only == only, second
+    bundle.on_return(9.0)       # it may have been started with one
+    bundle.follow([wifi], 9.0)
+    assert bundle.only == ''

@@ -133,7 +133,7 @@ class Bundle:
         self._known: Newest[Any, _Estimate] = Newest(MAX_ESTIMATES)
         self._paths = [_Path(None, FeedbackReader(history), _Estimate(now, limits), -math.inf)]
         self._train, self._train_left = 0, 0.0      # the path that is measured, and what of its train has not left
-        self._has_two = False       # whether there ever were two
+        self._has_two = False       # whether there were two since it joined
         self.only = ''
         """The path by which it is reached, where there were two: its interface, or the operator's host there."""
 
@@ -283,7 +283,8 @@ class Bundle:
             path.estimator.expect_more()
 
     def on_return(self, now: float) -> None:
-        """See Estimator."""
+        """See Estimator. It may have fewer paths now."""
+        self._has_two = False
         for path in self._paths:
             path.estimator.on_return(now)
 
