@@ -14,6 +14,7 @@ from smokebot_udp.congestion.operating_points import (
     layered_points,
     map_points,
     rate_points,
+    with_late,
 )
 
 rates = st.floats(0.5, 30)
@@ -82,7 +83,7 @@ def test_image_points(rate: float, subimages: int, per_datagram: int, datagram: 
     points = image_points(rate, subimages, per_datagram, datagram, preference, least)
     check(points, rate * -(-subimages // per_datagram) * datagram)
     for point in points:
-        assert min(rate, least, LATE_RATE) * (1 - 1e-9) <= point.settings['rate'] <= rate * (1 + 1e-9)
+        assert min(rate, least) * (1 - 1e-9) <= point.settings['rate'] <= rate * (1 + 1e-9)
         assert 0 <= point.settings['max_subimages'] < max(subimages, 2)
 
 
@@ -102,8 +103,7 @@ def test_layered_images_lose_bytes_and_rate() -> None:
     assert points[-1] == ({'rate': 16.0}, 1024000.0)
     # a quarter of the bytes: half of each image, half of the images
     assert points[-9] == ({'rate': pytest.approx(8.0)}, pytest.approx(256000))
-    assert points[8] == ({'rate': pytest.approx(4.0)}, pytest.approx(4000.0))
-    assert points[0] == ({'rate': pytest.approx(LATE_RATE)}, pytest.approx(1000.0))       # late is better than none
+    assert points[0] == ({'rate': pytest.approx(4.0)}, pytest.approx(4000.0))
 
 
 def test_layered_images_lose_only_bytes_as_long_as_they_are_fair() -> None:
@@ -121,7 +121,6 @@ def test_rare_layered_images_leave_in_time() -> None:
     points = layered_points(rate=1.0, size=40000, least_rate=4.0)
     assert points[-1] == ({'rate': 1.0}, 160000.0)
     assert all(point.settings['rate'] == 1.0 for point in points)
-    assert points[0].cost == pytest.approx(1000 * LATE_RATE)
 
 
 @given(rates, st.floats(500, 1e6), st.floats(0, 1), st.floats(100, 1e6), rates)
@@ -129,4 +128,27 @@ def test_layered_points(rate: float, size: float, preference: float, fair: float
     points = layered_points(rate, size, preference, fair, 1000.0, least)
     check(points, int(max(size, 1000.0)) * max(rate, least))
     for point in points:
-        assert min(rate, least, LATE_RATE) * (1 - 1e-9) <= point.settings['rate'] <= rate * (1 + 1e-9)
+        assert min(rate, least) * (1 - 1e-9) <= point.settings['rate'] <= rate * (1 + 1e-9)
+
+
+@pytest.mark.parametrize('rate', [10.0, 4.0, 1.5, 0.5])
+def test_the_least_images_come_late_where_the_link_is_too_slow(rate: float) -> None:
+    in_time = layered_points(rate, size=40000, least_size=600, least_rate=4.0)
+    points = with_late(in_time, 4.0)
+    assert points[8:] == in_time and points[8].cost == pytest.approx(600 * 4.0)
+    check(points, points[-1].cost)
+    for point in points[:8]:
+        assert point.cost / 600 == pytest.approx(max(LATE_RATE, point.cost / 600))
+        assert point.settings == {'rate': pytest.approx(min(rate, point.cost / 600))}
+    assert points[0].cost == pytest.approx(600 * LATE_RATE)
+
+
+def test_raw_images_of_one_datagram_come_late() -> None:
+    points = with_late(image_points(rate=10.0, subimages=64, per_datagram=1, datagram=1000), 2.0)
+    assert points[4] == ({'max_subimages': 1, 'rate': pytest.approx(2.0)}, pytest.approx(2000.0))
+    assert points[0] == ({'max_subimages': 1, 'rate': pytest.approx(LATE_RATE)}, pytest.approx(1000.0))
+
+
+def test_what_comes_once_a_second_anyway_comes_no_later() -> None:
+    slow = layered_points(rate=1.0, size=600, least_size=600, least_rate=1.0)
+    assert with_late(slow, 1.0) == with_late(slow, 0.5) == slow

@@ -15,6 +15,11 @@ TOLERANCE = 1e-9
 """For rounding errors."""
 
 
+LATE_RATE = 1.0
+"""The least images come down to this rate where they cannot come as often as they should, as clouds and messages do:
+late images are better than none [Hz]."""
+
+
 class OperatingPoint(NamedTuple):
     """Settings of a stream, and what they cost."""
     settings: Dict[str, Any]
@@ -54,17 +59,12 @@ def image_points(rate: float, subimages: int, per_datagram: int, datagram: int, 
 FAIR_PREFERENCE = 0.75
 """degradation_preference from which on images lose only bytes as long as they are fair."""
 
-LATE_RATE = 1.0
-"""The least rate of layered images that leave later than within least_rate's period, as that of clouds and messages
-[Hz]."""
-
 
 def layered_points(rate: float, size: float, degradation_preference: float = 0.75, fair_size: float = 4000.0,
                    least_size: float = 1000.0, least_rate: float = 4.0) -> List[OperatingPoint]:
     """Operating points of layered images: fewer bytes an image, and fewer images.
 
-    The last bytes of an image are hardly seen. So bytes give way first, and from a fair image on both. Where not even
-    the least images can leave in time, they come late, down to LATE_RATE: late images are better than none.
+    The last bytes of an image are hardly seen. So bytes give way first, and from a fair image on both.
 
     :param rate: of images, as requested or of the source [Hz]
     :param size: of a complete image on the air [byte]
@@ -73,8 +73,8 @@ def layered_points(rate: float, size: float, degradation_preference: float = 0.7
         parts of the octaves, and down to fair_size in parts of the octaves that are larger by 1 / FAIR_PREFERENCE
     :param fair_size: of a fair image on the air [byte]
     :param least_size: of an image [byte]
-    :param least_rate: rates of larger images do not fall below it. Where fewer images are requested, they cost as much
-        as this rate of them: an image leaves within its period at the stream's share of the link, and is no older [Hz]
+    :param least_rate: rates do not fall below it. Where fewer images are requested, they cost as much as this rate of
+        them: an image leaves within its period at the stream's share of the link, and is no older [Hz]
     :return: rate, the cheapest first; the size of images follows what they may use of the link (Plan.rooms)
     """
     size, least_size = int(max(size, least_size)), int(least_size)
@@ -91,11 +91,20 @@ def layered_points(rate: float, size: float, degradation_preference: float = 0.7
         count = min(count, max(least_size, int(size * rate / scarcity / images + TOLERANCE)))
         return OperatingPoint({'rate': images}, count * max(images, least_rate))
 
-    def late(scarcity: float) -> OperatingPoint:
-        return OperatingPoint({'rate': min(rate, least_rate / scarcity)}, least_size * least_rate / scarcity)
+    return _ascending(point, rate / slowest * size / least_size)
 
-    in_time = _ascending(point, rate / slowest * size / least_size)
-    return _ascending(late, max(1.0, least_rate / LATE_RATE))[:-1] + in_time
+
+def with_late(points: List[OperatingPoint], pace: float) -> List[OperatingPoint]:
+    """Operating points of images, and cheaper ones before them: the cheapest images come late, down to LATE_RATE.
+
+    :param points: the cheapest first, at least one
+    :param pace: rate by which the cheapest one costs what it does [Hz]
+    """
+    settings, cost = points[0]
+    steps = math.ceil(math.log(max(1.0, pace / LATE_RATE), STEP) - TOLERANCE)
+    paces = [max(LATE_RATE, pace / STEP ** step) for step in range(steps, 0, -1)]
+    return [OperatingPoint({**settings, 'rate': min(settings['rate'], late)}, cost * late / pace)
+            for late in paces] + points
 
 
 def cloud_points(rate: float, leaf_size: float, size: float, max_leaf_size: float = 1.0,

@@ -4,7 +4,7 @@ the link says how many."""
 import math
 from typing import Any, ClassVar, List, NamedTuple, Optional
 
-from ...congestion.operating_points import OperatingPoint, layered_points
+from ...congestion.operating_points import OperatingPoint, layered_points, with_late
 from ...mission.settings import Settings
 from ...udpros.frame import Frame
 from ..encoder import LinkView
@@ -63,5 +63,5 @@ class CompressedImages(Coding):
         if self._size is None:
             return []
         size = min(self._size, settings.requested['max_bytes'] or self._size)
-        return layered_points(rate, size, settings.requested['degradation_preference'], self._fair_size, LEAST_BYTES,
-                              1 / LATEST)
+        return with_late(layered_points(rate, size, settings.requested['degradation_preference'], self._fair_size,
+                                        LEAST_BYTES, 1 / LATEST), 1 / LATEST)
