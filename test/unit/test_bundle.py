@@ -7,7 +7,7 @@ from typing import Any, Dict, List, Sequence
 import pytest
 from controlled_robot import LIMITS, SIZE, Receiver, image
 
-from smokebot_udp.congestion.bundle import MAX_LEAD, PERIOD, SILENCE, Bundle
+from smokebot_udp.congestion.bundle import LATE, MAX_LEAD, SILENCE, Bundle
 from smokebot_udp.congestion.controller import Controller
 from smokebot_udp.congestion.sent_history import SentHistory
 from smokebot_udp.paths import STRAIGHT, PathUse
@@ -123,7 +123,7 @@ def test_the_end_of_a_message_does_not_wait_for_the_slow_path() -> None:
 
 
 def test_what_a_slow_path_cannot_carry_in_time_is_no_capacity() -> None:
-    near, far = (TwoPaths(2 * MBIT, 2 * MBIT, delays=(0.02, delay)) for delay in (0.02, 0.02 + PERIOD / 2))
+    near, far = (TwoPaths(2 * MBIT, 2 * MBIT, delays=(0.02, delay)) for delay in (0.02, 0.02 + LATE / 2))
     for robot in (near, far):
         robot.drive(8.0)
     capacities = [robot.controller.stats(robot.now).capacity for robot in (near, far)]
