@@ -52,7 +52,7 @@ class TwoPaths:
         return went
 
 
-@pytest.mark.parametrize('first,second', [(2.0, 1.0), (1.0, 3.0), (0.5, 4.0)])
+@pytest.mark.parametrize('first,second', [(2.0, 1.0), (1.0, 3.0), (1.5, 4.0)])
 def test_two_links_are_one_that_carries_what_both_do(first: float, second: float) -> None:
     robot = TwoPaths(first * MBIT, second * MBIT)
     robot.drive(8.0)
