@@ -15,9 +15,9 @@ TOLERANCE = 1e-9
 """For rounding errors."""
 
 
-LATE_RATE = 1.0
-"""The least images come down to this rate where they cannot come as often as they should, as clouds and messages do:
-late images are better than none [Hz]."""
+LATE_RATE = 4.0
+"""The least images come down to this rate where they cannot come as often as they should: late images are better than
+none. With 1 Hz images were missing for 1 to 2 s where one of two paths was cut [Hz]."""
 
 
 class OperatingPoint(NamedTuple):

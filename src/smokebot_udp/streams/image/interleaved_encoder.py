@@ -6,7 +6,7 @@ import numpy as np
 
 from ...arrays import Array
 from ...codecs.wire import interleave, pixels
-from ...congestion.operating_points import OperatingPoint, image_points, with_late
+from ...congestion.operating_points import OperatingPoint, image_points
 from ...mission.settings import Settings
 from ...msg import ImageSegment
 from ...udpros.datagram import IP_UDP_HEADERS
@@ -36,8 +36,7 @@ class InterleavedImages(Coding):
     def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
         if self._requested is None:
             return []
-        points = image_points(rate, *self._requested, settings.requested['degradation_preference'])
-        return with_late(points, points[0].settings['rate'])
+        return image_points(rate, *self._requested, settings.requested['degradation_preference'])
 
     def refine(self, point: Mapping[str, Any], spare: float) -> Dict[str, Any]:
         """As Encoder.refine."""
