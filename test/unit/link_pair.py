@@ -38,7 +38,8 @@ class Links:
     def operator(self, port: int, name: str = '/operator_receiver@desk1', **options: Any) -> Tuple[
             OperatorTransport, Told]:
         """An operator of the robot at a port of some hosts, and what it reports."""
-        told, hosts = Told(), options.pop('hosts', ['127.0.0.1'])
+        told = Told()
+        hosts = options.pop('hosts', ['127.0.0.1'])
         options = {'name': name, 'key': self.key, 'report': told, 'log': lambda _: None, **options}
         operator = OperatorTransport([(host, port) for host in hosts], options.pop('key'), **options)
         self.made.append(operator)

@@ -66,6 +66,18 @@ def test_two_links_are_one_that_carries_what_both_do(first: float, second: float
     assert state.loss == 0.0 and state.refused_reports == {} and state.queue_delay < 0.06
 
 
+def test_a_narrow_link_costs_a_fast_one_nothing() -> None:
+    """A datagram takes 24 ms on the first link and 3 ms on the second, so a part of the first one is not used."""
+    robot = TwoPaths(0.5 * MBIT, 4 * MBIT)
+    robot.drive(8.0)
+    for link in robot.links:
+        link.received = 0
+    robot.drive(5.0)
+    narrow, fast = (link.received * SIZE / 5 for link in robot.links)
+    assert narrow > 0.5 * 0.5 * MBIT and fast > 0.85 * 4 * MBIT
+    assert robot.controller.stats(robot.now).queue_delay < 0.06
+
+
 def test_what_went_by_the_other_path_is_no_loss() -> None:
     robot = TwoPaths(2 * MBIT, 1 * MBIT)
     robot.drive(6.0)

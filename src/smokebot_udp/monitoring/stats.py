@@ -14,13 +14,11 @@ PAUSED = 'the link is too slow for it and the other streams'
 """Problem of a stream that is not sent because of this."""
 
 
-OVER_ONE = ', over %s only'
-"""What ends the state of a link that lost one of two paths."""
+NO_REPORTS, OVER_ONE = 'no reports of %s for %.1f s', '%s, over %s only'
+"""The state of a link whose operator does not report, and of one that lost one of two paths."""
 
-NO_REPORTS = 'no reports of %s for %.1f s'
-
-PROBLEM = re.compile('%s.*|.*%s' % (NO_REPORTS.split('%')[0], OVER_ONE.replace('%s', r'\S+')))
-"""The state of a link that somebody should know of."""
+PROBLEM = re.compile(r'no reports of .*|.*, over \S+ only')
+"""Both, as they are relayed."""
 
 
 @dataclass(frozen=True)
@@ -135,7 +133,7 @@ class LinkStats:
     @property
     def state(self) -> str:
         """What the rate depends on now, in words, and by which path alone operators are reached."""
-        return self._dependence + (OVER_ONE % self.only if self.only else '')
+        return OVER_ONE % (self._dependence, self.only) if self.only else self._dependence
 
     @property
     def _dependence(self) -> str:
