@@ -19,6 +19,7 @@ from typing import Callable, Counter, Dict, Iterator, List, Sequence, Tuple
 
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.packets import Kind
+from smokebot_udp.link.place import place_at
 
 from .forged_packets import Address, Forger
 from .link_pair import MAX_DATAGRAM_SIZE, received
@@ -166,7 +167,7 @@ class Stranger:
     def __init__(self, number: int, key: bytes, to: Address) -> None:
         self.address = stranger(number)
         self._core = OperatorCore(key, os.urandom, MAX_DATAGRAM_SIZE, 'stranger')
-        self._core.set_addresses([to], 0.0)
+        self._core.set_places([place_at(to)], 0.0)
         self._now = 0.0
 
     def sent(self) -> List[bytes]:

@@ -8,6 +8,7 @@ import numpy as np
 from smokebot_udp.arrays import IntArray, Records, UInt8Array
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.packets import Suite
+from smokebot_udp.link.place import place_at
 from smokebot_udp.link.robot_core import RobotCore
 from smokebot_udp.udpros.endpoints import SOCKADDR_IN, number_of
 
@@ -33,7 +34,7 @@ def received(datagrams: Sequence[Tuple[Address, bytes]]) -> Tuple[UInt8Array, In
     lengths = np.array([min(len(payload), rows.shape[1]) for _, payload in datagrams], np.int64)
     for row, ((host, port), payload) in enumerate(datagrams):
         rows[row, :lengths[row]] = np.frombuffer(payload[:lengths[row]], np.uint8)
-        sources[row] = (2, port, number_of(host), [0] * 8)
+        sources[row] = (2, port, number_of(host), 0, 0)
     return rows, lengths, sources
 
 
@@ -45,7 +46,7 @@ def joined(key: bytes, suite: Suite = Suite.AESGCM) -> Tuple[Any, Any, float]:
     now = 1000.0
     robot = RobotCore(key, os.urandom, MAX_DATAGRAM_SIZE, 'robot', suite=suite)
     operator = OperatorCore(key, os.urandom, MAX_DATAGRAM_SIZE, 'operator')
-    operator.set_addresses([ROBOT], now)
+    operator.set_places([place_at(ROBOT)], now)
     for _ in range(STEPS):
         now += STEP
         for core, other, address in ((operator, robot, OPERATOR), (robot, operator, ROBOT)):

@@ -22,14 +22,18 @@ def always() -> bool:
     return True
 
 
+BESIDE, COPIES, UNUSED = 'beside', 'commands only', 'not used'
+"""What goes by another path than the first one: a part of the streams, copies alone, or probes alone."""
+
+
 @dataclass(frozen=True)
 class PathStats:
-    """One address of a peer that has several."""
+    """Another path to a peer than the one by which it gets all that is not shared."""
     address: Tuple[str, int]
-    is_used: bool
-    """Whether it is the first path: all that is not shared goes there."""
-    is_shared: bool
-    """Whether a part of what the peer sends comes from there, beside the path that is used."""
+    interface: str
+    """As of PeerStats."""
+    use: str
+    """One of BESIDE, COPIES, UNUSED."""
     silence: float
     """Time since it answered last [s]."""
     round_trip: Optional[float]
@@ -45,14 +49,13 @@ class PeerStats:
     """Time since it was heard last [s]."""
     round_trip: Optional[float]
     """[s]; None: unknown."""
-    paths: Sequence[PathStats] = ()
-    """In order of preference; empty: there is one."""
-    second: Optional[Tuple[str, int]] = None
-    """Its other address, to which copies go now; None: there is none."""
-    is_shared: bool = False
-    """Whether a part of what goes to it goes there, too."""
-    carried: Mapping[str, int] = field(default_factory=dict)
-    """{its host: bytes sent there until now, to it and to former ones of its name, IP and UDP headers included}"""
+    interface: str = ''
+    """The one of this machine by which it is reached; empty: the kernel's routes decide."""
+    others: Sequence[PathStats] = ()
+    """In order of preference."""
+    carried: Mapping[Tuple[str, str], int] = field(default_factory=dict)
+    """{(its host, interface): bytes sent there until now, to it and to former ones of its name, IP and UDP headers
+    included}"""
 
 
 @dataclass(frozen=True)

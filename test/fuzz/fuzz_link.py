@@ -25,6 +25,7 @@ from fuzzing import run  # noqa: E402
 from evaluation.link_attack import Attack  # noqa: E402
 from evaluation.link_pair import MAX_DATAGRAM_SIZE, OPERATOR, ROBOT, Address, received  # noqa: E402
 from smokebot_udp.link.operator_core import OperatorCore  # noqa: E402
+from smokebot_udp.link.place import address_of, place_at  # noqa: E402
 from smokebot_udp.link.robot_core import RobotCore  # noqa: E402
 from smokebot_udp.udpros.datagram import HEADER, Op  # noqa: E402
 
@@ -80,7 +81,7 @@ class World:
     def restart_operator(self) -> None:
         """The operator's process ends without a word, and another one starts."""
         self.operator = Side(OperatorCore(self.key, self.bytes, MAX_DATAGRAM_SIZE, 'operator'), OPERATOR)
-        self.operator.core.set_addresses([ROBOT, SILENT][:1 + self._random.randrange(2)], self.now)
+        self.operator.core.set_places([place_at(ROBOT), place_at(SILENT)][:1 + self._random.randrange(2)], self.now)
 
     def give(self, side: Side, datagrams: Sequence[Forged]) -> None:
         """Datagrams reach a side, which may answer."""
@@ -100,13 +101,13 @@ class World:
         for side, other in ((self.operator, self.robot), (self.robot, self.operator)):
             side.core.poll(self.now)
             side.core.events()
-            sent = side.core.outputs()
-            good = [(side.address, payload) for address, payload in sent if tuple(address) == other.address]
+            sent = [(address_of(place), packet) for place, packet in side.core.outputs()]
+            good = [(side.address, payload) for address, payload in sent if address == other.address]
             other.genuine.extend(good)
             self.give(other, good)
             for address, payload in sent:
-                if side is self.robot and tuple(address) != OPERATOR:
-                    self.to_strangers[tuple(address)] += len(payload)
+                if side is self.robot and address != OPERATOR:
+                    self.to_strangers[address] += len(payload)
 
     def send(self, side: Side, other: Side) -> None:
         """A side that has the other one as its peer sends it three datagrams."""

@@ -11,11 +11,13 @@ from link_channel import KEY, OPERATOR, ROBOT, SIZE, Address, Network, random_by
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.peer import Delivery, Joined, Left
 from smokebot_udp.link.peer_topics import PeerTopics
+from smokebot_udp.link.place import place_at
 from smokebot_udp.link.robot_core import RobotCore
 from smokebot_udp.link.tables import Local, Role, Topic
 from smokebot_udp.msg import RelaySegment
 from smokebot_udp.streams import classified, config, encoder_class
 from smokebot_udp.streams.segments import INFO, MAIN_PART, wire_topic
+from smokebot_udp.udpros.endpoints import KERNELS, Via
 
 STREAMS = pathlib.Path(__file__).resolve().parents[2] / 'config' / 'streams.yaml'
 STEP = 0.02
@@ -71,11 +73,11 @@ class Sender:
     def another(self, tos: int) -> 'Sender':
         return Sender(self._network, self._source)
 
-    def send_one(self, *parts: Any, to: Address) -> int:
+    def send_one(self, *parts: Any, to: Address, via: Via = KERNELS) -> int:
         self._network.send(self._source, to, b''.join(bytes(part) for part in parts))
         return 1
 
-    def send(self, datagrams: Any, size: int, count: int, to: Address) -> int:
+    def send(self, datagrams: Any, size: int, count: int, to: Address, via: Via = KERNELS) -> int:
         data = bytes(datagrams)
         for at in range(0, count * size, size):
             self.send_one(data[at:at + size], to=to)
@@ -153,7 +155,7 @@ class JoinWorld:
         self.needed: FrozenSet[int] = frozenset(
             one.id for name, one in self.down.items() if not name.endswith('/' + INFO))
         self._reports = 0.0
-        operator.set_addresses([ROBOT], self.network.now)
+        operator.set_places([place_at(ROBOT)], self.network.now)
 
     def run(self, seconds: float, until: Callable[[], bool]) -> Optional[float]:
         """When `until` became true; None: it did not [s]."""

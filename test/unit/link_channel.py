@@ -9,10 +9,9 @@ import numpy as np
 
 from smokebot_udp.link.core import LinkCore
 from smokebot_udp.link.peer import Delivery, Event
+from smokebot_udp.link.place import Address, address_of
 from smokebot_udp.udpros.datagram import HEADER, Op
 from smokebot_udp.udpros.endpoints import SOCKADDR_IN, number_of
-
-Address = Tuple[str, int]
 
 ROBOT: Address = ('10.0.0.7', 17001)
 OPERATOR: Address = ('10.0.0.9', 40001)
@@ -26,19 +25,20 @@ def random_bytes(seed: int) -> Callable[[int], bytes]:
     return lambda count: bytes(random.getrandbits(8) for _ in range(count))
 
 
-def batch(packets: List[Tuple[Address, bytes]], slot: int = SIZE + 1) -> Tuple[np.ndarray, np.ndarray, np.ndarray]:
+def batch(packets: List[Tuple[Address, bytes]], slot: int = SIZE + 1, interface: int = 0) -> Tuple[
+        np.ndarray, np.ndarray, np.ndarray]:
     """Packets as a DatagramReceiver has them, with rubbish behind each."""
     datagrams = np.full((len(packets), slot), 0xa5, np.uint8)
     sources = np.zeros(len(packets), SOCKADDR_IN)
     for row, ((host, port), packet) in enumerate(packets):
         datagrams[row, :len(packet)] = np.frombuffer(packet[:slot], np.uint8)
-        sources[row]['address'], sources[row]['port'] = number_of(host), port
+        sources[row]['address'], sources[row]['port'], sources[row]['interface'] = number_of(host), port, interface
     return datagrams, np.array([min(slot, len(packet)) for _, packet in packets], np.int64), sources
 
 
-def give(core: LinkCore, source: Address, *packets: bytes, now: float = 0.0) -> List[Delivery]:
-    """Let a core receive packets in one batch."""
-    return core.receive(*batch([(source, packet) for packet in packets]), now)
+def give(core: LinkCore, source: Address, *packets: bytes, now: float = 0.0, interface: int = 0) -> List[Delivery]:
+    """Let a core receive packets in one batch, by an interface of its machine."""
+    return core.receive(*batch([(source, packet) for packet in packets], interface=interface), now)
 
 
 def data(identifier: int, payload: bytes = b'') -> bytes:
@@ -46,9 +46,14 @@ def data(identifier: int, payload: bytes = b'') -> bytes:
     return HEADER.pack(identifier, Op.DATA0, 1, 1) + payload
 
 
+def outputs(core: LinkCore) -> List[Tuple[Address, bytes]]:
+    """The packets that a core wants sent, and their addresses."""
+    return [(address_of(place), packet) for place, packet in core.outputs()]
+
+
 def sent(core: LinkCore) -> List[bytes]:
     """The packets that a core wants sent, without their addresses."""
-    return [packet for _, packet in core.outputs()]
+    return [packet for _, packet in outputs(core)]
 
 
 def shake_hands(robot: LinkCore, operator: LinkCore, now: float = 0.0, address: Address = OPERATOR,
@@ -61,7 +66,7 @@ def shake_hands(robot: LinkCore, operator: LinkCore, now: float = 0.0, address: 
     while True:
         up = sent(operator)
         give(robot, address, *up, now=now)
-        down = [packet for target, packet in robot.outputs() if target == address]
+        down = [packet for target, packet in outputs(robot) if target == address]
         give(operator, place, *down, now=now)
         if not up and not down:
             return
@@ -139,7 +144,7 @@ class Network:
     def _flush(self) -> None:
         for address, core in list(self.cores.items()):
             self.events += [(self.now, address, event) for event in core.events()]
-            for target, packet in core.outputs():
+            for target, packet in outputs(core):
                 self.send(address, target, packet)
 
     def happened(self, kind: type, address: Address) -> List[Tuple[float, Any]]:

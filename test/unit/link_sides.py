@@ -8,6 +8,7 @@ from link_channel import KEY, OPERATOR, ROBOT, SIZE, Address, data, give, random
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.packets import VERSION, Hello, Init, Suite, parse
 from smokebot_udp.link.peer import Peer
+from smokebot_udp.link.place import place_at
 from smokebot_udp.link.robot_core import RobotCore
 from smokebot_udp.link.tags import Tags
 
@@ -23,7 +24,7 @@ def robot_of(key: bytes = KEY, suite: Suite = Suite.AESGCM) -> RobotCore:
 
 def operator_of(seed: int = 2, name: str = 'desk', key: bytes = KEY, now: float = 0.0) -> OperatorCore:
     operator = OperatorCore(key, random_bytes(seed), SIZE, name)
-    operator.set_addresses([ROBOT], now)
+    operator.set_places([place_at(ROBOT)], now)
     return operator
 
 

@@ -22,7 +22,9 @@ from smokebot_udp.udpros.endpoints import (
     DatagramReceiver,
     DatagramSender,
     PeerGone,
+    Via,
     addresses_of,
+    interface_name,
     path_payload,
 )
 
@@ -60,6 +62,35 @@ def collect(receiver, count) -> Any:
             assert receiver.sources['address'][row] == LOCALHOST
             got.append((receiver.datagrams[row, :receiver.lengths[row]].tobytes(), int(receiver.sources['port'][row])))
     return got
+
+
+def test_answers_come_from_the_address_that_was_asked(make) -> None:
+    robot, desk = make(DatagramReceiver, '', 200), make(DatagramReceiver, '127.0.0.1', 200)
+    BatchSender(desk.socket).send_one(b'question', to=('127.0.0.2', robot.address[1]))
+    assert robot.wait(WAIT) and robot.receive() == 1
+    source = robot.sources[0]
+    via = Via(int(source['interface']), int(source['local']))
+    assert via == Via(0, LOCALHOST + 1)
+    assert BatchSender(robot.socket).send(bytes(300), 100, 3, to=('127.0.0.1', desk.address[1]), via=via) == 3
+    assert desk.wait(WAIT) and desk.receive() == 3
+    assert set(desk.sources['address'][:3].tolist()) == {LOCALHOST + 1}
+    BatchSender(desk.socket).send_one(b'question', to=('127.0.0.1', robot.address[1]))
+    assert robot.wait(WAIT) and robot.receive() == 1 and robot.sources['local'][0] == LOCALHOST
+
+
+@pytest.mark.parametrize('via', [Via(1 << 20), Via(0, 0x01020304)])
+def test_by_what_this_machine_does_not_have_nothing_is_sent(make, via) -> None:
+    sender, other = BatchSender(make(DatagramReceiver, '', 200).socket), make(DatagramReceiver, '127.0.0.1', 200)
+    assert sender.send(bytes(300), 100, 3, to=('127.0.0.1', other.address[1]), via=via) == 0
+    assert sender.send_one(b'one', to=('127.0.0.1', other.address[1]), via=via) == 0
+    assert list(sender.failures.values()) == [4]
+    assert sender.send_one(b'one', to=('127.0.0.1', other.address[1])) == 1
+
+
+def test_the_name_of_an_interface() -> None:
+    index = socket.if_nametoindex('lo')
+    assert [interface_name(one) for one in (index, 0, 1 << 20)] == ['lo', '', '']
+    assert path_payload('127.0.0.1', 9, Via(index)) == path_payload('127.0.0.1', 9)
 
 
 def test_one_socket_sends_to_several_addresses_and_receives(make) -> None:

@@ -8,6 +8,7 @@ from link_channel import KEY, OPERATOR, ROBOT, SIZE, Network, data, random_bytes
 
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.peer import Joined, Left, Moved
+from smokebot_udp.link.place import place_at
 from smokebot_udp.link.robot_core import RobotCore
 
 DELAY = 0.05
@@ -33,7 +34,7 @@ class Link(Network):
         """An operator's process, instead of the one before."""
         self.seed += 1000
         self.operator = self.add(OPERATOR, OperatorCore(KEY, random_bytes(self.seed), SIZE, 'desk'))
-        self.operator.set_addresses([ROBOT], self.now)
+        self.operator.set_places([place_at(ROBOT)], self.now)
         return self.operator
 
     def both(self) -> bool:
@@ -209,7 +210,7 @@ def test_eight_operators_at_once() -> None:
     link = Link(1)
     for number in range(7):
         core = link.add(('10.2.0.%d' % number, 7), OperatorCore(KEY, random_bytes(50 + number), SIZE, 'd%d' % number))
-        core.set_addresses([ROBOT], link.now)
+        core.set_places([place_at(ROBOT)], link.now)
     assert link.run(2.0, lambda: len(link.robot.peers) == 8)
     link.stream(1.0)
     counts = [sum(len(delivery.rows) for _, where, delivery in link.deliveries if where == address)

@@ -3,8 +3,10 @@
 from link_channel import random_bytes
 
 from smokebot_udp.link.cookie import LIFETIME, CookieJar
+from smokebot_udp.link.place import Place
+from smokebot_udp.udpros.endpoints import Via
 
-PLACE = (0x0a000009, 40001)
+PLACE = Place(0x0a000009, 40001)
 NONCE = 7
 
 
@@ -13,9 +15,10 @@ def test_it_is_good_for_one_place_and_nonce_and_robot_only() -> None:
     cookie = jar.make(PLACE, NONCE, 0.0)
     assert len(cookie) == 16
     assert jar.is_valid(cookie, PLACE, NONCE, 1.0)
-    assert not jar.is_valid(cookie, (PLACE[0] + 1, PLACE[1]), NONCE, 1.0)
-    assert not jar.is_valid(cookie, (PLACE[0], PLACE[1] + 1), NONCE, 1.0)
+    assert not jar.is_valid(cookie, PLACE._replace(number=PLACE.number + 1), NONCE, 1.0)
+    assert not jar.is_valid(cookie, PLACE._replace(port=PLACE.port + 1), NONCE, 1.0)
     assert not jar.is_valid(cookie, PLACE, NONCE + 1, 1.0)
+    assert jar.is_valid(cookie, PLACE._replace(via=Via(3)), NONCE, 1.0)
     assert not jar.is_valid(bytes([cookie[0] ^ 1]) + cookie[1:], PLACE, NONCE, 1.0)
     assert not CookieJar(random_bytes(2)).is_valid(cookie, PLACE, NONCE, 1.0)
 

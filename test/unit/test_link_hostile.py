@@ -9,7 +9,7 @@ from typing import Any, Counter, List, Tuple
 import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from link_channel import KEY, OPERATOR, ROBOT, SIZE, Address, data, give, random_bytes, sent
+from link_channel import KEY, OPERATOR, ROBOT, SIZE, Address, data, give, outputs, random_bytes, sent
 from link_sides import hello, init_of, joined, operator_of, robot_of, the_robot
 
 from smokebot_udp.link.control import Control, message
@@ -28,6 +28,7 @@ from smokebot_udp.link.packets import (
     Suite,
     parse,
 )
+from smokebot_udp.link.place import place_at
 from smokebot_udp.link.robot_core import RobotCore
 
 MAX_MEMORY = 1 << 20
@@ -83,7 +84,7 @@ def test_ten_thousand_handshakes_that_are_never_finished() -> None:
         now = number * 5e-3
         core = initiators[number % 20]
         address = forged_address(random)
-        core.set_addresses([address], now)
+        core.set_places([place_at(address)], now)
         give(robot, address, *sent(core), now=now)
         give(core, address, *sent(robot), now=now)     # which is wherever it looks for it
         give(robot, address, *sent(core) * 4, now=now)
@@ -109,7 +110,7 @@ def test_nothing_is_answered_by_more_than_came(monkeypatch: Any) -> None:
         packet = mutated(random.choice(packets), random) if random.random() < 0.7 else random.choice(packets)
         came[address] += len(packet)
         give(robot, address, packet, now=1.0 + step * 1e-3)
-        for target, answer in robot.outputs():
+        for target, answer in outputs(robot):
             if target != OPERATOR:
                 answered[target] += len(answer)
         assert all(answered[target] <= came[target] for target in answered)

@@ -18,9 +18,11 @@ from smokebot_udp import udpros
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.packets import OVERHEAD
 from smokebot_udp.link.peer import Peer
+from smokebot_udp.link.place import address_of, place_at
 from smokebot_udp.link.resolver import Resolver
 from smokebot_udp.link.transport import PROBLEM_AFTER, OperatorTransport
 from smokebot_udp.msg import Command
+from smokebot_udp.transport import BESIDE, UNUSED
 from smokebot_udp.udpros.endpoints import BatchSender, DatagramReceiver
 
 TOPIC = '/smokebot_udp/thermal/segments'
@@ -172,6 +174,11 @@ def test_a_host_name_is_looked_up(made: Links) -> None:
     wait_for(publisher.get_num_connections)
 
 
+def has_second(side: Any) -> bool:
+    """Whether a side knows another path to its peer by which copies go."""
+    return any(path.use != UNUSED for path in side.stats(0.0).peers[0].others)
+
+
 def test_the_link_goes_on_over_the_robots_other_address(made: Links) -> None:
     robot, _ = made.robot()
     relays, log = [Relay(robot.port), Relay(robot.port)], []    # type: List[Any], List[str]
@@ -182,16 +189,17 @@ def test_the_link_goes_on_over_the_robots_other_address(made: Links) -> None:
     operator.subscriber('/chat', String, inbox.message)
     wait_for(publisher.get_num_connections)
 
-    def paths() -> Any:
-        return [path for peer in operator.stats(time.monotonic()).peers for path in peer.paths]
-    wait_for(lambda: [path.is_used for path in paths()] == [True, False] and paths()[1].round_trip is not None)
+    def uses(number: int) -> bool:
+        robots = operator.stats(time.monotonic()).peers
+        return bool(robots) and robots[0].address[1] == relays[number].port
+    wait_for(lambda: uses(0) and operator.stats(0.0).peers[0].others[0].round_trip is not None)
     relays[0].loss = 1.0
-    wait_for(lambda: [path.is_used for path in paths()] == [False, True])
+    wait_for(lambda: uses(1))
     wait_for(lambda: robot.stats(0.0).peers[0].address == relays[1].address)
     publisher.publish(String('still here'))
     wait_for(lambda: inbox.messages and inbox.messages[-1].data == 'still here')
     relays[0].loss = 0.0
-    wait_for(lambda: [path.is_used for path in paths()] == [True, False])
+    wait_for(lambda: uses(0))
     assert '/robot_sender@ugv1 has moved to 127.0.0.1:%d' % relays[1].port in log
     for relay in relays:
         relay.close()
@@ -210,7 +218,7 @@ def test_what_is_copied_comes_once_whichever_path_is_cut(made: Links, size: int)
     for _, inbox, receiver, topic in ways:
         receiver.subscriber(topic, Command, inbox.message)
     wait_for(lambda: all(way[0].get_num_connections() for way in ways))
-    wait_for(lambda: all(side.stats(0.0).peers[0].second is not None for side in (robot, operator)))
+    wait_for(lambda: all(has_second(side) for side in (robot, operator)))
 
     def send(number: int) -> None:
         for publisher, inbox, *_ in ways:
@@ -274,11 +282,11 @@ def test_a_numeric_address_is_not_looked_up() -> None:
 def joined(receiver: DatagramReceiver, port: int) -> Peer:
     """The robot at a port, as a peer of another core than a transport's."""
     core, sender = OperatorCore(KEY, os.urandom, 1472, '/liar'), BatchSender(receiver.socket)
-    core.set_addresses([('127.0.0.1', port)], time.monotonic())
+    core.set_places([place_at(('127.0.0.1', port))], time.monotonic())
     while core.robot is None:
         core.poll(time.monotonic())
-        for address, packet in core.outputs():
-            sender.send_one(packet, to=address)
+        for place, packet in core.outputs():
+            sender.send_one(packet, to=address_of(place))
         receiver.wait(0.02)
         count = receiver.receive()
         core.receive(receiver.datagrams[:count], receiver.lengths[:count], receiver.sources[:count], time.monotonic())
@@ -317,7 +325,7 @@ def test_frames_go_by_two_paths_at_once_and_each_message_is_counted_once(made: L
     publisher, inbox = robot.publisher(TOPIC, CompressedImage), Inbox()
     subscriber = operator.subscriber(TOPIC, CompressedImage, batch_callback=inbox.batch, arrived=inbox.arrived)
     wait_for(publisher.get_num_connections)
-    wait_for(lambda: robot.stats(0.0).peers[0].second is not None)
+    wait_for(lambda: has_second(robot))
     name = robot.stats(0.0).peers[0].name
     keys = [use.key for use in robot.paths(time.monotonic())[name]]
     assert len(set(keys)) == 2          # of one host here
@@ -328,11 +336,10 @@ def test_frames_go_by_two_paths_at_once_and_each_message_is_counted_once(made: L
     assert counts == [20, 20] and len(set(inbox.records)) == len(inbox.records)
     stats, = subscriber.connections()
     assert (stats['received'], stats['lost']) == (40, 0)
-    assert robot.stats(time.monotonic()).peers[0].is_shared
-    shared = [(path.address[1], path.is_used) for path in operator.stats(time.monotonic()).peers[0].paths
-              if path.is_shared]
-    assert len(shared) == 1 and not shared[0][1]
-    other, = (relay for relay in relays if relay.port == shared[0][0])
+    assert [path.use for path in robot.stats(time.monotonic()).peers[0].others] == [BESIDE]
+    shared, = operator.stats(time.monotonic()).peers[0].others
+    assert shared.use == BESIDE
+    other, = (relay for relay in relays if relay.port == shared.address[1])
     other.loss = 1.0                    # what goes there is lost, the rest is not
     for second in ((), (name,)):
         publisher.publish_frames(frame(CompressedImage, 10, 1000), second=second)

@@ -18,8 +18,9 @@ from std_msgs.msg import Header, String
 
 from smokebot_udp.link.packets import OVERHEAD, Suite
 from smokebot_udp.link.parts import PART
-from smokebot_udp.link.peer import Delivery, Joined, Left, Peer
+from smokebot_udp.link.peer import Carried, Delivery, Joined, Left, Peer
 from smokebot_udp.link.peer_topics import PeerTopics
+from smokebot_udp.link.place import Place
 from smokebot_udp.link.session import Session
 from smokebot_udp.link.tables import SEEN, Lists, Local, NameEntry, Role, Table, Topic, pack_lists, pack_names
 from smokebot_udp.link.topics import Outgoing, headed
@@ -348,7 +349,7 @@ def test_new_keys_let_a_side_say_at_once_what_it_wants() -> None:
         robot.bind(('127.0.0.1', 0))
         robot.settimeout(WAIT)
         operator.setblocking(False)
-        peer = Peer(1, 'ugv1', 'ugv1', bytes(16), 1472, (0x7f000001, robot.getsockname()[1]), session(1), 0.0)
+        peer = Peer(1, 'ugv1', 'ugv1', bytes(16), 1472, Place(0x7f000001, robot.getsockname()[1]), session(1), 0.0)
         topics, wanted = PeerTopics(peer, Local(), BatchSender(operator)), frozenset([77])
         topics.asked = wanted
         topics.send(0.0)
@@ -452,7 +453,7 @@ def test_who_joins_and_leaves_again_and_again_does_not_fill_the_log() -> None:
     with links() as made:
         told = Told()
         robot, _ = made.robot(log=told)
-        peer = Peer(99, 'anybody', 'anybody', bytes(16), 1472, (0x7f000001, 9), session(1), 0.0)
+        peer = Peer(99, 'anybody', 'anybody', bytes(16), 1472, Place(0x7f000001, 9), session(1), 0.0)
         for _ in range(1000):
             robot.on_event(Joined(peer))
             robot.on_event(Left(peer, 'closed'))
@@ -488,11 +489,11 @@ def test_bytes_are_counted_by_address(made: Links) -> None:
     robot, _ = made.robot()
     operator, _ = made.operator(robot.port, hosts=['127.0.0.2', '127.0.0.1'])
 
-    def carried() -> Dict[str, int]:
+    def carried() -> Carried:
         stats = operator.stats(time.monotonic())
         assert stats is not None
         return dict(stats.peers[0].carried) if stats.peers else {}
-    wait_for(lambda: set(carried()) == {'127.0.0.1', '127.0.0.2'})      # it is asked at both
+    wait_for(lambda: set(carried()) == {('127.0.0.1', ''), ('127.0.0.2', '')})      # it is asked at both
     publisher, inbox = operator.publisher(CHAT, String), Inbox()
     robot.subscriber(CHAT, String, inbox.message)
     settle(publisher)
@@ -531,7 +532,7 @@ def test_a_peers_tables_do_not_silence_the_differences_to_others() -> None:
         table = np.frombuffer(data(Table.NAMES, PART.pack(1, 0, 1) + pack_names(names, 10 ** 6)), np.uint8)[np.newaxis]
         now = time.monotonic()
         for visit in range(30):
-            visitor = Peer(1000 + visit, 'visitor', 'visitor', bytes(16), 1472, (0x7f000001, 9),
+            visitor = Peer(1000 + visit, 'visitor', 'visitor', bytes(16), 1472, Place(0x7f000001, 9),
                             session(1), now)
             robot.on_event(Joined(visitor))
             robot.on_delivery(Delivery(visitor, table, np.array([table.shape[1]]), np.zeros(1, np.int64)),

@@ -21,7 +21,7 @@ from smokebot_udp.monitoring.status import ERROR, OK, ROBOT, WARN, Status, Verdi
 from smokebot_udp.monitoring.thresholds import Thresholds
 from smokebot_udp.nodes.status_messages import as_message, statuses_of
 from smokebot_udp.streams.config import NAME
-from smokebot_udp.transport import PathStats, PeerStats, TransportStats
+from smokebot_udp.transport import BESIDE, COPIES, UNUSED, PathStats, PeerStats, TransportStats
 from smokebot_udp.units import MBIT
 
 
@@ -130,9 +130,9 @@ def test_peers_and_drops_are_listed() -> None:
     both = PeerStats('/robot_sender@ugv', ('10.0.0.7', 17001), 3.2, 0.3)
     text = transport_status(TransportStats([*peers, both], 3, {}, None)).values['connected to']
     assert [tuple(peer.values()) for peer in peers_in(text)] == [
-        ('/operator_receiver@desk', '10.0.0.9', 40000, 0.012, True),
-        ('/ugv1/operator_receiver@truck', '10.0.0.8', 40001, None, True),
-        ('/robot_sender@ugv', '10.0.0.7', 17001, 0.3, True)]
+        ('/operator_receiver@desk', '10.0.0.9', 40000, '', 0.012, True),
+        ('/ugv1/operator_receiver@truck', '10.0.0.8', 40001, '', None, True),
+        ('/robot_sender@ugv', '10.0.0.7', 17001, '', 0.3, True)]
 
 
 @pytest.mark.parametrize('text', ['', 'nobody', '/a at b', '/a at b:', '/a at b:1 (x)', '/a at b:123456', '; ; '])
@@ -141,35 +141,29 @@ def test_other_words_are_no_peers(text: str) -> None:
 
 
 def test_the_paths_that_are_not_used_are_listed() -> None:
-    paths = [PathStats(('10.0.0.7', 17001), False, False, 5.4, 0.01),
-             PathStats(('10.1.0.7', 17001), True, False, 0.1, 0.06),
-             PathStats(('10.2.0.7', 17001), False, True, 0.3, 0.07),
-             PathStats(('10.3.0.7', 17001), False, False, 0.3, None)]
-    peer = PeerStats('robot', ('10.1.0.7', 17001), 0.2, 0.06, paths, paths[2].address)
+    others = [PathStats(('10.0.0.7', 17001), '', UNUSED, 5.4, 0.01),
+              PathStats(('10.1.0.7', 17001), 'wlan1', BESIDE, 0.3, 0.07),
+              PathStats(('10.3.0.7', 17001), '', UNUSED, 0.3, None)]
+    peer = PeerStats('robot', ('10.1.0.7', 17001), 0.2, 0.06, 'wwan0', others)
     status = transport_status(TransportStats([peer], 1, {}, None))
     text = status.values['connected to']
-    assert text == ('robot at 10.1.0.7:17001 (round trip 60 ms); '
+    assert text == ('robot at 10.1.0.7:17001 by wwan0 (round trip 60 ms); '
                     'robot at 10.0.0.7:17001 (not used, silent for 5 s, round trip 10 ms); '
-                    'robot at 10.2.0.7:17001 (beside, round trip 70 ms); robot at 10.3.0.7:17001 (not used)')
-    assert [(peer['host'], peer['used'], peer['round_trip']) for peer in peers_in(text)] == [
-        ('10.1.0.7', True, 0.06), ('10.0.0.7', False, 0.01), ('10.2.0.7', False, 0.07), ('10.3.0.7', False, None)]
+                    'robot at 10.1.0.7:17001 by wlan1 (beside, round trip 70 ms); robot at 10.3.0.7:17001 (not used)')
+    assert [(peer['host'], peer['interface'], peer['used'], peer['round_trip']) for peer in peers_in(text)] == [
+        ('10.1.0.7', 'wwan0', True, 0.06), ('10.0.0.7', '', False, 0.01), ('10.1.0.7', 'wlan1', False, 0.07),
+        ('10.3.0.7', '', False, None)]
 
 
 def test_what_was_sent_to_each_address_of_a_peer_is_listed() -> None:
-    sent = {'10.0.0.9': 12345678, '10.1.0.9': 50000, '10.9.0.9': 1000000}
-    peer = PeerStats('desk', ('10.0.0.9', 40000), 0.2, 0.01, second=('10.1.0.9', 40001), carried=sent)
+    sent = {('10.0.0.9', 'wlan0'): 12345678, ('10.0.0.9', 'wwan0'): 50000, ('10.9.0.9', ''): 1000000}
+    others = [PathStats(('10.0.0.9', 40001), 'wwan0', COPIES, 0.1, None)]
+    peer = PeerStats('desk', ('10.0.0.9', 40000), 0.2, 0.01, 'wlan0', others, sent)
     text = transport_status(TransportStats([peer], 1, {}, None)).values['connected to']
-    assert text == ('desk at 10.0.0.9:40000 (round trip 10 ms, 12.3 MB sent); '
-                    'desk at 10.1.0.9:40001 (commands only, 0.1 MB sent)')
+    assert text == ('desk at 10.0.0.9:40000 by wlan0 (round trip 10 ms, 12.3 MB sent); '
+                    'desk at 10.0.0.9:40001 by wwan0 (commands only, 0.1 MB sent)')
     assert [(peer['host'], peer['used'], peer['round_trip']) for peer in peers_in(text)] == [
-        ('10.0.0.9', True, 0.01), ('10.1.0.9', False, None)]
-
-
-def test_where_copies_go_is_listed() -> None:
-    peer = PeerStats('desk', ('10.0.0.9', 40000), 0.2, None, second=('10.1.0.9', 40001))
-    text = transport_status(TransportStats([peer], 1, {}, None)).values['connected to']
-    assert text == 'desk at 10.0.0.9:40000; desk at 10.1.0.9:40001 (commands only)'
-    assert [(peer['host'], peer['used']) for peer in peers_in(text)] == [('10.0.0.9', True), ('10.1.0.9', False)]
+        ('10.0.0.9', True, 0.01), ('10.0.0.9', False, None)]
 
 
 def test_a_problem_is_a_warning() -> None:

@@ -4,7 +4,7 @@ import math
 from typing import Any, List, Tuple
 
 import pytest
-from link_channel import KEY, OPERATOR, ROBOT, SIZE, batch, data, give, random_bytes, sent, shake_hands
+from link_channel import KEY, OPERATOR, ROBOT, SIZE, batch, data, give, outputs, random_bytes, sent, shake_hands
 from link_sides import ELSEWHERE, init_of, joined, operator_of, robot_of, the_robot
 
 from smokebot_udp.link.control import Control, message
@@ -39,6 +39,7 @@ from smokebot_udp.link.packets import (
     prologue,
 )
 from smokebot_udp.link.peer import Joined, Left, Moved, Refused
+from smokebot_udp.link.place import place_at
 from smokebot_udp.link.robot_core import RobotCore
 from smokebot_udp.link.tags import Tags
 from smokebot_udp.version import RELEASE, WIRE_FORMAT
@@ -67,7 +68,7 @@ def test_nothing_is_sent_without_an_address() -> None:
 
 def test_hello_is_repeated_ever_more_slowly() -> None:
     operator = operator_of()
-    (address, packet), = operator.outputs()
+    (address, packet), = outputs(operator)
     assert address == ROBOT and isinstance(parse(packet), Hello)
     packets = run(operator, 0.0, 60.0)
     assert {packet for _, packet in packets} == {packet}
@@ -113,10 +114,10 @@ def test_a_second_cookie_replaces_the_first_and_a_copy_does_nothing() -> None:
 def test_another_address_is_tried_at_once() -> None:
     operator = operator_of()
     sent(operator)
-    operator.set_addresses([ROBOT], 1.0)
-    assert not operator.outputs()
-    operator.set_addresses([ELSEWHERE], 1.0)
-    (address, _), = operator.outputs()
+    operator.set_places([place_at(ROBOT)], 1.0)
+    assert not outputs(operator)
+    operator.set_places([place_at(ELSEWHERE)], 1.0)
+    (address, _), = outputs(operator)
     assert address == ELSEWHERE
 
 
@@ -278,7 +279,7 @@ def test_the_same_robot_has_new_keys_and_another_has_joined() -> None:
     robot, operator = joined()
     first = the_robot(operator)
     operator.events()
-    operator.set_addresses([('10.0.0.8', 17001)], 1.0)
+    operator.set_places([place_at(('10.0.0.8', 17001))], 1.0)
     shake_hands(robot, operator, 1.0, place=('10.0.0.8', 17001))
     assert operator.peers == [first] and first.handshakes == 2 and not operator.events()
     assert first.address == ('10.0.0.8', 17001)
@@ -305,7 +306,7 @@ def test_silence_begins_a_handshake_beside_the_session() -> None:
 def test_keys_that_the_robot_does_not_use_are_made_anew() -> None:
     robot, operator = joined()
     place = '10.0.0.8', 17001
-    operator.set_addresses([place], 0.1)
+    operator.set_places([place_at(place)], 0.1)
     give(robot, OPERATOR, init_of(robot, operator, now=0.1, place=place), now=0.1)
     give(operator, ROBOT, *sent(robot), now=0.1)
     assert the_robot(operator).handshakes == 2
@@ -448,18 +449,18 @@ def test_the_robots_own_address_may_differ() -> None:
 
 def two_ways() -> OperatorCore:
     operator = OperatorCore(KEY, random_bytes(2), SIZE, 'desk')
-    operator.set_addresses([ROBOT, ELSEWHERE, ROBOT], 0.0)
+    operator.set_places([place_at(one) for one in (ROBOT, ELSEWHERE, ROBOT)], 0.0)
     return operator
 
 
 def test_all_addresses_are_asked_and_the_one_that_answers_is_used() -> None:
     robot, operator = robot_of(), two_ways()
-    (first, hello), (second, same) = operator.outputs()
+    (first, hello), (second, same) = outputs(operator)
     assert (first, second) == (ROBOT, ELSEWHERE) and hello == same
     assert operator.problem == 'no answer from 10.0.0.7:17001 or 10.0.0.99:5'
     give(robot, OPERATOR, hello)
     give(operator, ELSEWHERE, *sent(robot))
-    (address, init), = operator.outputs()
+    (address, init), = outputs(operator)
     assert address == ELSEWHERE and isinstance(parse(init), Init)
     give(robot, OPERATOR, init)
     give(operator, ELSEWHERE, *sent(robot))
@@ -477,11 +478,39 @@ def test_one_address_is_never_probed() -> None:
 def test_a_challenge_is_answered_on_its_path() -> None:
     robot, operator = robot_of(), two_ways()
     shake_hands(robot, operator)
-    operator.outputs()
+    outputs(operator)
     for source, answered in ((ELSEWHERE, ELSEWHERE), (ROBOT, ROBOT), (('10.9.9.9', 9), ROBOT)):
         give(operator, source, robot.peers[0].seal_one(message(Control.PATH_CHALLENGE, b'12345678')))
-        (address, _), = operator.outputs()
+        (address, _), = outputs(operator)
         assert address == answered
+
+
+def test_one_address_is_asked_by_two_interfaces() -> None:
+    robot, operator = robot_of(), operator_of()
+    ways = [place_at(ROBOT, interface) for interface in (3, 5)]
+    operator.set_places(ways, 0.0)
+    asked = operator.outputs()
+    assert [place for place, _ in asked][-2:] == ways
+    give(robot, OPERATOR, asked[-1][1])
+    give(operator, ROBOT, *sent(robot), interface=5)
+    (place, init), = operator.outputs()
+    assert place == ways[1]
+    give(robot, OPERATOR, init, interface=5)
+    give(operator, ROBOT, *sent(robot), interface=5)
+    assert the_robot(operator).place == ways[1] and [path.place for path in operator.paths] == ways
+    operator.outputs()
+    operator.poll(1.0)
+    assert {place for place, _ in operator.outputs()} == set(ways)     # probes
+    operator.set_places(ways[:1], 1.1)      # the interface is gone
+    assert {place for place, _ in operator.outputs()} == {ways[0]} and not operator.events()[1:]
+
+
+def test_an_address_without_an_interface_is_heard_by_any_of_them() -> None:
+    robot, operator = robot_of(), operator_of()
+    give(robot, OPERATOR, *sent(operator))
+    give(operator, ROBOT, *sent(robot), interface=5)
+    (place, _), = operator.outputs()
+    assert place == place_at(ROBOT)
 
 
 def test_a_silent_path_is_left_and_the_robot_follows() -> None:
@@ -496,10 +525,10 @@ def test_a_silent_path_is_left_and_the_robot_follows() -> None:
         now = 1.0 + step / 200
         for core in (robot, operator):
             core.poll(now)
-        for place, packet in operator.outputs():
+        for place, packet in outputs(operator):
             if place != ROBOT or now < 3.0:
                 give(robot, source[place], packet, now=now)
-        for place, packet in robot.outputs():
+        for place, packet in outputs(robot):
             if place != OPERATOR or now < 3.0:
                 give(operator, target[place], packet, now=now)
         if now < 3.0:

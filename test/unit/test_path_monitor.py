@@ -126,7 +126,7 @@ def test_a_hole_of_the_second_path_is_found() -> None:
         def arrived(connection: int, seq: int, size: int, count: int, when: float, marked: int, path: int) -> None:
             received[path] += count
         operator.subscriber(IMAGES, CompressedImage, batch_callback=lambda records, mask: None, arrived=arrived)
-        wait_for(lambda: images.get_num_connections() and robot.stats(0.0).peers[0].second is not None)
+        wait_for(lambda: images.get_num_connections() and robot.stats(0.0).peers[0].others)
         name, used = robot.stats(0.0).peers[0].name, robot.stats(0.0).peers[0].address
         other, = (relay for relay in relays if relay.address != used)
         other.longest = 1200

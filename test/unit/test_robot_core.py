@@ -3,7 +3,7 @@
 from typing import Any, List, Tuple
 
 import pytest
-from link_channel import KEY, OPERATOR, ROBOT, Address, give, random_bytes, sent, shake_hands
+from link_channel import KEY, OPERATOR, ROBOT, Address, give, outputs, random_bytes, sent, shake_hands
 from link_sides import ELSEWHERE, hello, init_of, joined, operator_of, robot_of, the_robot
 
 from smokebot_udp.link.control import Control, message
@@ -21,6 +21,7 @@ from smokebot_udp.link.packets import (
     parse,
 )
 from smokebot_udp.link.peer import Joined, Left, Refused
+from smokebot_udp.link.place import place_at
 from smokebot_udp.link.robot_core import (
     INIT_BURST,
     INIT_PERIOD,
@@ -39,7 +40,7 @@ from smokebot_udp.version import WIRE_FORMAT
 def test_hello_is_answered_by_a_cookie() -> None:
     robot = robot_of()
     give(robot, OPERATOR, hello(77))
-    (address, packet), = robot.outputs()
+    (address, packet), = outputs(robot)
     cookie = parse(packet)
     assert isinstance(cookie, Cookie) and address == OPERATOR
     assert cookie[:3] == (VERSION, Suite.AESGCM, 77)
@@ -218,7 +219,7 @@ def test_nobody_gives_a_place_up_for_another_host() -> None:
 
 def test_a_known_operator_is_not_refused_by_a_full_robot() -> None:
     robot, operators = full_robot()
-    operators[0].set_addresses([('10.0.0.8', 1)], 1.0)
+    operators[0].set_places([place_at(('10.0.0.8', 1))], 1.0)
     shake_hands(robot, operators[0], 1.0, ('10.0.1.0', 9), ('10.0.0.8', 1))
     assert not robot.dropped and robot.peers[0].handshakes == 2
 

@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from smokebot_udp.link.place import Place
 from smokebot_udp.link.robot_paths import (
     IDLE_PROBE,
     PROBE,
@@ -18,7 +19,7 @@ from smokebot_udp.link.robot_paths import (
     RobotPaths,
 )
 
-A, B, C = (1, 17001), (2, 17001), (3, 17001)
+A, B, C = Place(1, 17001), Place(2, 17001), Place(3, 17001)
 STEP = 0.01
 
 
@@ -128,7 +129,7 @@ def test_an_answer_counts_once_and_a_forged_one_not_at_all() -> None:
 @given(st.integers(0, 1 << 32), st.floats(0.0, 0.7), st.floats(0.0, 0.7), st.integers(2, 4))
 def test_whatever_is_lost_changes_are_apart_and_what_is_due_is_known(seed: int, up: float, down: float,
                                                                      count: int) -> None:
-    random, places = Random(seed), [(number, 1) for number in range(count)]
+    random, places = Random(seed), [Place(number, 1) for number in range(count)]
     world = World(lambda place, now: random.random() < up, lambda place, now: random.random() < down, places, places[0])
     world.run(0.0, 20.0)
     times = [0.0] + [when for when, _ in world.changes]

@@ -4,7 +4,7 @@ from typing import Any
 
 import numpy as np
 import pytest
-from link_channel import KEY, OPERATOR, ROBOT, SIZE, data, give, random_bytes, sent, shake_hands
+from link_channel import KEY, OPERATOR, ROBOT, SIZE, data, give, outputs, random_bytes, sent, shake_hands
 from link_sides import ELSEWHERE, ROW, init_of, joined, operator_of, robot_of, the_robot
 
 from smokebot_udp.link.control import COPY, Control, message, with_mark
@@ -12,7 +12,8 @@ from smokebot_udp.link.core import MAX_OLD, OLD_KEYS
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.packets import VERSION, Cookie, Suite, Unknown, parse
 from smokebot_udp.link.path import PROVED_FOR
-from smokebot_udp.link.peer import Joined, Moved, place_at
+from smokebot_udp.link.peer import Joined, Moved
+from smokebot_udp.link.place import place_at
 from smokebot_udp.link.robot_core import RobotCore
 from smokebot_udp.link.robot_paths import ALIVE, MAX_PATHS
 
@@ -48,7 +49,7 @@ def test_new_keys_replace_the_old_ones_after_the_first_data() -> None:
     robot, operator = joined()
     peer, old = robot.peers[0], the_robot(operator).session
     late = old.seal(ROW)
-    operator.set_addresses([ROBOT_2], 1.0)
+    operator.set_places([place_at(ROBOT_2)], 1.0)
     accept = pending_accept(robot, operator)
     under_old = peer.seal_one(data(20))
     give(operator, ROBOT, accept, under_old, now=1.0)
@@ -74,7 +75,7 @@ def test_few_old_keys_are_kept() -> None:
     for number in range(MAX_OLD + 2):
         sessions.append(the_robot(operator).session)
         place = '10.0.3.%d' % number, 17001
-        operator.set_addresses([place], 1.0 + number / 10)
+        operator.set_places([place_at(place)], 1.0 + number / 10)
         shake_hands(robot, operator, 1.0 + number / 10, place=place)
     taken = [len(give(robot, OPERATOR, session.seal(ROW).tobytes(), now=2.0)) for session in sessions]
     assert taken == [0, 0] + [1] * MAX_OLD and robot.peers[0].handshakes == MAX_OLD + 3
@@ -82,7 +83,7 @@ def test_few_old_keys_are_kept() -> None:
 
 def test_a_handshake_from_another_address_moves_the_peer() -> None:
     robot, operator = joined()
-    operator.set_addresses([ROBOT_2], 1.0)
+    operator.set_places([place_at(ROBOT_2)], 1.0)
     give(robot, ELSEWHERE, init_of(robot, operator, ELSEWHERE, 1.0, ROBOT_2), now=1.0)
     give(operator, ROBOT, *sent(robot), now=1.0)
     give(robot, ELSEWHERE, *sent(operator), now=1.0)
@@ -105,14 +106,14 @@ def test_an_operator_moves() -> None:
     packet = the_robot(operator).seal_one(message(Control.KEEP_ALIVE))
     give(robot, ELSEWHERE, packet, now=1.0)
     assert peer.address == OPERATOR and not robot.events()
-    (address, challenge), = robot.outputs()
+    (address, challenge), = outputs(robot)
     assert address == ELSEWHERE and len(challenge) <= len(packet)
     give(operator, ROBOT, challenge, now=1.0)
     response, = sent(operator)
     give(robot, OPERATOR, response, now=1.0)        # from the address before: no proof
     assert peer.address == OPERATOR
     give(robot, ELSEWHERE, packet, the_robot(operator).seal_one(message(Control.KEEP_ALIVE)), now=2.0)
-    (_, challenge), = robot.outputs()
+    (_, challenge), = outputs(robot)
     give(operator, ROBOT, challenge, now=2.0)
     give(robot, ELSEWHERE, *sent(operator), now=2.0)
     assert peer.address == ELSEWHERE
@@ -161,11 +162,11 @@ def probe(operator: Any, challenge: bytes = b'12345678') -> bytes:
 def test_a_probe_is_answered_where_it_came_from_and_moves_nobody() -> None:
     robot, operator = joined()
     give(robot, OPERATOR, probe(operator), now=1.0)
-    assert [address for address, _ in robot.outputs()] == [OPERATOR]
+    assert [address for address, _ in outputs(robot)] == [OPERATOR]
     for number in range(20):
         now = 1.0 + number / 4
         give(robot, ELSEWHERE, probe(operator), now=now)
-        packets = robot.outputs()
+        packets = outputs(robot)
         assert packets and {address for address, _ in packets} == {ELSEWHERE}
         give(operator, ROBOT, *[packet for _, packet in packets], now=now)
         give(robot, ELSEWHERE, *sent(operator), now=now)
@@ -197,7 +198,7 @@ def test_an_address_without_proof_gets_no_more_than_came_from_there() -> None:
         packet = probe(operator)
         up += len(packet)
         give(robot, ELSEWHERE, packet, now=1.0 + number / 100)
-        down += sum(len(one) for address, one in robot.outputs() if address == ELSEWHERE)
+        down += sum(len(one) for address, one in outputs(robot) if address == ELSEWHERE)
     assert 0 < down <= up
 
 
@@ -253,16 +254,31 @@ def test_an_address_without_proof_gets_no_copies() -> None:
         assert robot.peers[0].second is None
 
 
+def test_an_operator_with_one_address_has_two_paths_where_it_is_heard_by_two_interfaces() -> None:
+    robot, operator = joined()
+    give(robot, OPERATOR, probe(operator), now=1.0, interface=5)
+    (place, challenge), = robot.outputs()
+    assert place == place_at(OPERATOR, 5)       # it leaves as the probe came
+    give(operator, ROBOT, challenge, now=1.0)
+    give(robot, OPERATOR, *sent(operator), now=1.0, interface=5)
+    robot.poll(1.0)
+    assert robot.peers[0].place == place_at(OPERATOR) and robot.peers[0].second == place_at(OPERATOR, 5)
+    give(robot, OPERATOR, the_robot(operator).seal_one(data(20)), now=1.1, interface=5)
+    assert robot.peers[0].place == place_at(OPERATOR, 5)
+    event, = robot.events()
+    assert isinstance(event, Moved)
+
+
 @pytest.mark.parametrize('is_proved', [True, False])
 def test_a_copy_is_delivered_and_moves_nobody(is_proved: bool) -> None:
     robot, operator = joined()
     if is_proved:
         proved(robot, operator, 1.0)
-    robot.outputs()
+    outputs(robot)
     copy = with_mark(np.frombuffer(data(20, b'stop'), np.uint8)[np.newaxis], COPY).tobytes()
     delivery, = give(robot, ELSEWHERE, the_robot(operator).seal_one(copy), now=1.1)
     assert delivery.datagrams[0, :delivery.lengths[0]].tobytes() == copy
-    assert robot.peers[0].address == OPERATOR and not robot.outputs() and not robot.events()
+    assert robot.peers[0].address == OPERATOR and not outputs(robot) and not robot.events()
 
 
 # 9. Names

@@ -22,8 +22,10 @@ def connection(side: str, peer: Optional[str], address: Optional[str]) -> Dict[s
 
 
 def test_the_robot_of_a_link_of_two_masters() -> None:
-    peer = {'name': '/robot_sender@ugv', 'host': '10.0.0.7', 'port': 17001, 'round_trip': 0.031, 'used': True}
-    other = {'name': '/robot_sender@ugv', 'host': '192.168.1.7', 'port': 17001, 'round_trip': None, 'used': False}
+    peer = {'name': '/robot_sender@ugv', 'host': '10.0.0.7', 'port': 17001, 'interface': '',
+            'round_trip': 0.031, 'used': True}
+    other = {'name': '/robot_sender@ugv', 'host': '192.168.1.7', 'port': 17001, 'interface': '',
+             'round_trip': None, 'used': False}
     tree = {'operators': [operator([peer, other])],
             'connections': [connection('operator', '/robot_sender@ugv', '10.0.0.7:17001')]}
     assert paths_of(tree, route) == [
@@ -43,8 +45,9 @@ def test_the_streams_of_a_shared_master_have_one_path() -> None:
 
 
 def test_they_are_few_and_their_names_short_and_harmless() -> None:
-    tree = {'operators': [operator([{'name': '/\x1b' + 1000 * 'x', 'host': '10.0.0.%d' % number, 'port': 1,
-                                     'round_trip': None, 'used': True} for number in range(2 * MAX_PATHS)])]}
+    peers = [{'name': '/\x1b' + 1000 * 'x', 'host': '10.0.0.%d' % number, 'port': 1, 'interface': '', 'round_trip': None,
+              'used': True} for number in range(2 * MAX_PATHS)]
+    tree = {'operators': [operator(peers)]}
     paths = paths_of(tree, route)
     assert len(paths) == MAX_PATHS and paths[0]['name'] == '/?' + 98 * 'x'
     assert paths_of({}, route) == paths_of({'operators': [operator([])], 'connections': []}, route) == []

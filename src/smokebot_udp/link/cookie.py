@@ -7,9 +7,10 @@ LIFETIME; the one before is taken, too, so a cookie is good for LIFETIME to twic
 import hashlib
 import hmac
 import struct
-from typing import Callable, Tuple
+from typing import Callable
 
 from .packets import COOKIE_SIZE
+from .place import Place
 
 LIFETIME = 60.0
 """Lifetime of a secret [s]."""
@@ -17,10 +18,6 @@ LIFETIME = 60.0
 SECRET_SIZE = 32
 
 _FIELDS = struct.Struct('<IHQ')
-
-Place = Tuple[int, int]
-"""IPv4 address and port, as numbers."""
-
 
 class CookieJar:
     """Makes and checks cookies.
@@ -54,4 +51,5 @@ class CookieJar:
 
     @staticmethod
     def _mac(secret: bytes, source: Place, nonce: int) -> bytes:
-        return hashlib.blake2s(_FIELDS.pack(*source, nonce), digest_size=COOKIE_SIZE, key=secret).digest()
+        fields = _FIELDS.pack(source.number, source.port, nonce)
+        return hashlib.blake2s(fields, digest_size=COOKIE_SIZE, key=secret).digest()

@@ -21,9 +21,9 @@ import numpy as np
 from ..arrays import BoolArray, IntArray, Records, UInt8Array
 from ..udpros.datagram import HEADER, IP_UDP_HEADERS
 from .control import CHALLENGE_SIZE, COPY, FIRST_TABLE_ID, SECOND, SIZE, Control, marked, message
-from .cookie import Place
 from .packets import INSTANCE_SIZE, MIN_BODY, OVERHEAD, Kind, Malformed, Packet, parse
-from .peer import Address, Delivery, Event, Left, Peer, address_of
+from .peer import Delivery, Event, Left, Peer
+from .place import Place, place_of
 from .session import Session
 from .tags import Tags
 
@@ -101,7 +101,7 @@ class LinkCore(abc.ABC):
         self._sent: Dict[int, int] = {}             # {peer's number: packets sent when last looked}
         self._numbers = 0
         self._tick = -math.inf
-        self._outputs: List[Tuple[Address, bytes]] = []
+        self._outputs: List[Tuple[Place, bytes]] = []
         self._events: List[Event] = []
 
     @property
@@ -109,7 +109,7 @@ class LinkCore(abc.ABC):
         """The peers there are, by number. Any thread."""
         return list(self._peers)
 
-    def outputs(self) -> List[Tuple[Address, bytes]]:
+    def outputs(self) -> List[Tuple[Place, bytes]]:
         """The packets that the core itself wants sent now, once."""
         outputs, self._outputs = self._outputs, []
         return outputs
@@ -124,7 +124,7 @@ class LinkCore(abc.ABC):
 
         :param datagrams: (n, slot) uint8
         :param lengths: (n,) int; longer than max_datagram_size if the packet was cut [byte]
-        :param sources: (n,) with the fields `address` and `port`, numbers: who sent them
+        :param sources: (n,) of endpoints.SOCKADDR_IN: who sent them
         :param now: steady time [s]
         """
         whole = lengths <= min(self.max_datagram_size, datagrams.shape[1])
@@ -240,7 +240,7 @@ class LinkCore(abc.ABC):
         self._entries.clear()
 
     def _send(self, place: Place, packet: bytes) -> None:
-        self._outputs.append((address_of(place), packet))
+        self._outputs.append((place, packet))
 
     def _send_control(self, peer: Peer, kind: Control, body: bytes = bytes(CHALLENGE_SIZE),
                       place: Optional[Place] = None) -> None:
@@ -311,8 +311,3 @@ class LinkCore(abc.ABC):
     @abc.abstractmethod
     def _on_path(self, peer: Peer, kind: Control, body: bytes, source: Place, now: float) -> None:
         """A PATH_CHALLENGE or PATH_RESPONSE came."""
-
-
-def place_of(sources: Records, row: int) -> Place:
-    """Who sent a row's packet."""
-    return int(sources['address'][row]), int(sources['port'][row])

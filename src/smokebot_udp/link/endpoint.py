@@ -17,6 +17,7 @@ from ..udpros.depacketizer import Arrivals
 from ..udpros.endpoints import BatchSender, DatagramReceiver
 from .core import LinkCore
 from .peer import Delivery, Event
+from .place import address_of
 
 COALESCE = 2e-3
 """Batches are received at most this often. A single datagram is handed on at once; those that follow it closely are
@@ -143,5 +144,5 @@ class Endpoint:
             self._handler.on_event(event)
 
     def _send_outputs(self) -> None:
-        for address, packet in self._core.outputs():
-            self.sender.send_one(packet, to=address)
+        for place, packet in self._core.outputs():
+            self.sender.send_one(packet, to=address_of(place), via=place.via)

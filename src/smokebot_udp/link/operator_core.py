@@ -32,7 +32,6 @@ from ..arrays import IntArray, Records, UInt8Array
 from ..newest import Newest
 from ..version import OURS, Software, difference
 from .control import CHALLENGE_SIZE, Control
-from .cookie import Place
 from .core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
 from .noise import Forged, Initiator
 from .packets import (
@@ -53,7 +52,8 @@ from .packets import (
     Unknown,
     prologue,
 )
-from .peer import Address, Delivery, Joined, Moved, Peer, Refused, address_of, place_at
+from .peer import Delivery, Joined, Moved, Peer, Refused
+from .place import Place, address_of
 from .robot_paths import MAX_PATHS, Path, RobotPaths
 from .session import Session
 
@@ -164,13 +164,13 @@ class OperatorCore(LinkCore):
         paths = self._paths
         return [] if paths is None else paths.paths
 
-    def set_addresses(self, addresses: Sequence[Address], now: float) -> None:
+    def set_places(self, places: Sequence[Place], now: float) -> None:
         """Where the robot is from now on.
 
-        :param addresses: numeric IPv4 addresses with their ports, in order of preference; equal ones count once
+        :param places: in order of preference; equal ones count once
         :param now: [s]
         """
-        places = tuple(dict.fromkeys(map(place_at, addresses)))[:MAX_PATHS]
+        places = tuple(dict.fromkeys(places))[:MAX_PATHS]
         if places != self._places:
             self._places = places
             robot = self.robot
@@ -179,6 +179,10 @@ class OperatorCore(LinkCore):
             else:
                 self._begin(now, silence=False)
         self._update_problem(now)
+
+    def _place_of(self, source: Place) -> Optional[Place]:
+        """From which of the robot's places a packet comes; None: from elsewhere."""
+        return next((place for place in self._places if place.covers(source)), None)
 
     def _find_paths(self, robot: Peer, now: float) -> None:
         several = len(self._places) > 1 and robot.place in self._places
@@ -297,14 +301,14 @@ class OperatorCore(LinkCore):
 
     def _on_cookie(self, cookie: Cookie, source: Place, now: float) -> None:
         """Rule 3."""
-        handshake = self._handshake
+        handshake, place = self._handshake, self._place_of(source)
         if handshake is None or cookie.nonce != handshake.nonce:
             self.dropped['not asked for'] += 1
         elif cookie.version != VERSION or cookie.suite not in SUITES:
             self.dropped['another version or cipher'] += 1
         elif not self._tags.is_right(cookie):
             self.dropped['forged'] += 1
-        elif source not in self._places:
+        elif place is None:
             self.dropped['another address'] += 1
             self._refusal = now, 'the robot answers from %s:%d: give this address instead' % address_of(source)
         elif cookie != handshake.cookie:
@@ -312,7 +316,7 @@ class OperatorCore(LinkCore):
                 self.dropped['not asked for'] += 1
                 return
             handshake.asked -= 1
-            handshake.take(cookie, source, now)
+            handshake.take(cookie, place, now)
             self._try(handshake, now)
 
     def _on_accept(self, accept: Accept, now: float) -> None:
@@ -367,7 +371,7 @@ class OperatorCore(LinkCore):
 
     def _on_refuse(self, refuse: Refuse, source: Place, now: float) -> None:
         """Rule 8."""
-        if self._handshake is None or refuse.nonce != self._handshake.nonce or source not in self._places:
+        if self._handshake is None or refuse.nonce != self._handshake.nonce or self._place_of(source) is None:
             self.dropped['not asked for'] += 1
             return
         try:
@@ -424,8 +428,7 @@ class OperatorCore(LinkCore):
     def _on_path(self, peer: Peer, kind: Control, body: bytes, source: Place, now: float) -> None:
         """Rule 10."""
         if kind == Control.PATH_CHALLENGE:
-            place = source if source in self._places else peer.place
-            self._send_control(peer, Control.PATH_RESPONSE, body, place)
+            self._send_control(peer, Control.PATH_RESPONSE, body, self._place_of(source) or peer.place)
         elif self._paths is None or not self._paths.take(body, now):
             self.dropped['not asked for'] += 1
 

@@ -11,7 +11,7 @@
 import math
 
 from .control import CHALLENGE_SIZE
-from .cookie import Place
+from .place import Place
 
 AGAIN = 0.05
 """Between two challenges to one address [s]."""

@@ -13,28 +13,15 @@ import numpy as np
 
 from ..arrays import IntArray, UInt8Array
 from ..newest import Newest
-from .cookie import Place
 from .packets import Reason
+from .place import Address, Place, address_of, interface_of
 from .session import Session
 
-Address = Tuple[str, int]
-"""Host and port."""
-
-
-def address_of(place: Place) -> Address:
-    """The dotted address and the port of a place."""
-    number, port = place
-    return '%d.%d.%d.%d' % tuple(number.to_bytes(4, 'big')), port
-
-
-def place_at(address: Address) -> Place:
-    """The place of a dotted address and a port."""
-    host, port = address
-    return int.from_bytes(bytes(int(part) for part in host.split('.')), 'big'), port
-
+Carried = Dict[Tuple[str, str], int]
+"""{(host, interface): bytes}."""
 
 MAX_HOSTS = 8
-"""Addresses of a peer whose bytes are remembered."""
+"""Hosts of a peer, by interface, whose bytes are remembered."""
 
 
 class Peer:
@@ -52,7 +39,7 @@ class Peer:
         self.number, self.name, self.told = number, name, told
         self.instance, self.max_datagram_size = instance, max_datagram_size
         self.place = place
-        """Where packets for it go: IPv4 address and port, as numbers."""
+        """Where packets for it go."""
         self.second: Optional[Place] = None
         """Another place where it receives now; None: none is known."""
         self.second_heard = self.second_used = -math.inf
@@ -65,7 +52,7 @@ class Peer:
         """Round-trip time of the latest handshake, including the other side's reaction [s]."""
         self._session = session
         self._sealed = 0    # by former sessions
-        self._carried: Newest[str, int] = Newest(MAX_HOSTS)
+        self._carried: Newest[Tuple[str, str], int] = Newest(MAX_HOSTS)
         self._counting = threading.Lock()
 
     @property
@@ -84,8 +71,8 @@ class Peer:
         return self._sealed + self._session.sent
 
     @property
-    def carried(self) -> Dict[str, int]:
-        """{host: bytes that were sent to it there, IP and UDP headers included}; any thread."""
+    def carried(self) -> Carried:
+        """What was sent to it, IP and UDP headers included; any thread."""
         with self._counting:
             return dict(self._carried)
 
@@ -94,9 +81,9 @@ class Peer:
 
         :param size: IP and UDP headers included [byte]
         """
-        host = address_of(place)[0]
+        path = address_of(place)[0], interface_of(place)
         with self._counting:
-            self._carried[host] = self._carried.get(host, 0) + size
+            self._carried[path] = self._carried.get(path, 0) + size
 
     def use(self, session: Session) -> None:
         """Seal under new keys from now on."""

@@ -8,7 +8,8 @@ from ..udpros.datagram import HEADER, Op
 from ..udpros.endpoints import BatchSender, path_payload
 from .core import MIN_DATAGRAM_SIZE
 from .packets import OVERHEAD, Malformed
-from .peer import Peer, address_of
+from .peer import Peer
+from .place import address_of
 from .tables import Exchange, Local, Table
 from .topics import Outgoing, PeerSender, Publisher, Subscriber
 
@@ -94,7 +95,7 @@ class PeerTopics:
         places = [self.peer.place, *([] if self.peer.second is None else [self.peer.second])]
         for place in places:
             with contextlib.suppress(OSError):      # no route now
-                whole = min(whole, path_payload(*address_of(place)))
+                whole = min(whole, path_payload(*address_of(place), place.via))
         self._room = max(whole, MIN_DATAGRAM_SIZE) - OVERHEAD
 
     def dropped(self) -> Dict[str, int]:

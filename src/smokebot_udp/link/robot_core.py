@@ -28,7 +28,7 @@ from ..budget import Budget
 from ..newest import Newest
 from ..version import OURS, Software, difference
 from .control import CHALLENGE_SIZE, SIZE, Control
-from .cookie import LIFETIME, CookieJar, Place
+from .cookie import LIFETIME, CookieJar
 from .core import MAX_ATTEMPTS, MIN_DATAGRAM_SIZE, Entry, LinkCore, Random
 from .noise import Forged, Responder
 from .packets import (
@@ -49,7 +49,8 @@ from .packets import (
     prologue,
 )
 from .path import PathCheck
-from .peer import Joined, Moved, Peer, Refused, address_of
+from .peer import Joined, Moved, Peer, Refused
+from .place import Place, address_of
 from .replay import HandshakeMemory
 from .robot_paths import ALIVE, MAX_PATHS
 from .session import Session

@@ -14,7 +14,7 @@ import collections
 import math
 from typing import Deque, List, Optional, Sequence
 
-from .cookie import Place
+from .place import Place
 
 MAX_PATHS = 4
 """Addresses of one robot, and of one operator that are remembered."""
@@ -133,7 +133,7 @@ class RobotPaths:
         """Something came that the robot sends by another path, whose address is known if the robot is not behind a
         NAT."""
         others = [path for path in self.paths if path is not self._used]
-        path = next((path for path in others if path.place == source), others[0])
+        path = next((path for path in others if path.place.covers(source)), others[0])
         path.shared = now
 
     def _unanswered_since(self) -> float:

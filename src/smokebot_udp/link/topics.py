@@ -21,9 +21,9 @@ from ..udpros.frame import Frame, first_messages
 from ..udpros.packetizer import Limit, Packetizer
 from ..udpros.records import has_header, record_dtype
 from .control import COPY, SECOND, marked, with_mark, without_marks
-from .cookie import Place
 from .packets import OVERHEAD
-from .peer import Peer, address_of
+from .peer import Peer
+from .place import Place, address_of
 from .tables import Topic
 
 MAX_MESSAGE_SIZE = 1 << 18
@@ -84,7 +84,7 @@ class PeerSender:
 
     def _send_to(self, place: Place, datagrams: UInt8Array) -> int:
         sealed = self._peer.seal(datagrams)
-        sent = self._sender.send(sealed, sealed.shape[1], len(sealed), to=address_of(place))
+        sent = self._sender.send(sealed, sealed.shape[1], len(sealed), to=address_of(place), via=place.via)
         self._peer.count(place, sent * (sealed.shape[1] + IP_UDP_HEADERS))
         return sent
 

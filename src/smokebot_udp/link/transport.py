@@ -18,7 +18,7 @@ from .. import traffic
 from ..budget import Budget
 from ..newest import Newest
 from ..paths import PathUse
-from ..transport import PathStats, PeerStats, TransportStats, always, nothing
+from ..transport import BESIDE, COPIES, UNUSED, PathStats, PeerStats, TransportStats, always, nothing
 from ..udpros.datagram import DEFAULT_MAX_DATAGRAM_SIZE
 from ..udpros.depacketizer import Arrivals, Arrived, BatchCallback
 from ..udpros.endpoints import SHORT_BUFFER
@@ -27,10 +27,12 @@ from ..udpros.packetizer import no_limit
 from ..udpros.records import has_header
 from .core import CLOSED, LinkCore
 from .endpoint import Endpoint
+from .interfaces import Interfaces
 from .operator_core import NO_ANSWER, OperatorCore
 from .packets import OVERHEAD, encode_name
-from .peer import Address, Delivery, Event, Joined, Left, Moved, Peer, Refused, address_of
+from .peer import Carried, Delivery, Event, Joined, Left, Moved, Peer, Refused
 from .peer_topics import KINDS, PeerTopics
+from .place import Address, Place, address_of, interface_of, place_at
 from .resolver import Resolver
 from .robot_core import RobotCore
 from .robot_paths import SHARED_FOR
@@ -88,7 +90,7 @@ class LinkTransport:
         self._publishers: Dict[int, Publisher] = {}             # by connection id; replaced, not changed, as are these
         self._subscribers: Dict[int, Subscriber] = {}
         self._peers: Dict[int, PeerTopics] = {}                 # by the peer's number
-        self._former: Newest[str, Dict[str, int]] = Newest(MAX_FORMER)      # {name: carried} of peers that left
+        self._former: Newest[str, Carried] = Newest(MAX_FORMER)     # {name: carried} of peers that left
         self._told: Set[Tuple[int, str]] = set()    # (peer's number, topic)
         self._differences: List[str] = []           # the first one to each peer
         self._report_budget = Budget(REPORTED, REPORT_PERIOD)
@@ -173,36 +175,39 @@ class LinkTransport:
         return '; '.join(self._differences) or None
 
     def paths(self, now: float) -> Mapping[str, Sequence[PathUse]]:
-        """See transport.Transport. A host is a path: behind a NAT its port may change."""
+        """See transport.Transport."""
         found: Dict[str, Sequence[PathUse]] = {}
         for topics in self._peers.values():
-            peer, second = topics.peer, topics.peer.second
-            found[peer.name] = [PathUse(peer.address[0], host=peer.address[0])]
-            if second is not None:
-                address = address_of(second)
-                key = address if address[0] == peer.address[0] else address[0]
-                found[peer.name] = [*found[peer.name], PathUse(key, now - peer.second_heard, address[0])]
+            peer = topics.peer
+            first = PathUse(_path(peer.place), host=peer.address[0], interface=interface_of(peer.place))
+            found[peer.name] = [first]
+            if peer.second is not None:
+                key = peer.second if _path(peer.second) == first.key else _path(peer.second)
+                found[peer.name] = [first, PathUse(key, now - peer.second_heard, address_of(peer.second)[0],
+                                                   interface=interface_of(peer.second))]
         return found
 
     def stats(self, now: float) -> Optional[TransportStats]:
         """See transport.Transport."""
         peers = [topics.peer for topics in self._peers.values()]
         return TransportStats(
-            [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip, self._paths(peer, now),
-                       None if peer.second is None else address_of(peer.second), now - peer.second_used < SHARED_FOR,
-                       self._carried_to(peer))
+            [PeerStats(peer.name, peer.address, now - peer.heard, peer.round_trip, interface_of(peer.place),
+                       self._others(peer, now), self._carried_to(peer))
              for peer in peers],
             self._handshakes + sum(peer.handshakes for peer in peers), self.dropped(), self.problem(), self.remarks)
 
-    def _carried_to(self, peer: Peer) -> Dict[str, int]:
-        """{host: bytes} to a peer until now, and to former ones of its name."""
+    def _carried_to(self, peer: Peer) -> Carried:
+        """The bytes to a peer until now, and to former ones of its name."""
         carried = collections.Counter(self._former.get(peer.name, {}))
         carried.update(peer.carried)
         return carried
 
-    def _paths(self, peer: Peer, now: float) -> Sequence[PathStats]:
-        """Those to a peer, where this side chooses one [s]."""
-        return ()
+    def _others(self, peer: Peer, now: float) -> Sequence[PathStats]:
+        """The paths to a peer but the first one [s]."""
+        if peer.second is None:
+            return ()
+        use = BESIDE if now - peer.second_used < SHARED_FOR else COPIES
+        return [PathStats(address_of(peer.second), interface_of(peer.second), use, now - peer.second_heard, None)]
 
     def close(self) -> None:
         """Leave all peers, end the thread, and free the socket."""
@@ -330,6 +335,11 @@ class LinkTransport:
                 self._report(sentences[untold])
 
 
+def _path(place: Place) -> Tuple[int, int]:
+    """What identifies the path to a place: behind a NAT its port may change."""
+    return place.number, place.via.interface
+
+
 def shares(total: int, weights: Sequence[int]) -> List[int]:
     """A number of things in proportion to weights of which one is above 0; the shares add up to it."""
     found, before, left = [], total, sum(weights)
@@ -373,6 +383,7 @@ class OperatorTransport(LinkTransport):
     :param addresses: the robot's, in order of preference: hosts, which are names or IPv4 addresses, and ports. A name
         is looked up again while the robot does not answer
     :param key: the robot's
+    :param interfaces: names of those of this machine by which each address is asked; empty: the kernel decides
 
     The other arguments are RobotTransport's.
     """
@@ -380,7 +391,8 @@ class OperatorTransport(LinkTransport):
     def __init__(self, addresses: Sequence[Address], key: bytes, *,
                  max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20, tos_mask: int = 0,
                  name: Optional[str] = None, renewed: Renewed = never, report: Report = rospy.logerr,
-                 log: Report = rospy.loginfo, remarks: Sequence[str] = ()) -> None:
+                 log: Report = rospy.loginfo, remarks: Sequence[str] = (), interfaces: Sequence[str] = ()) -> None:
+        self._interfaces = Interfaces(interfaces, report)
         self._operator = OperatorCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
         self._resolvers = [(Resolver(host), port) for host, port in addresses]
         self._troubled: Optional[float] = None      # since when there is a problem
@@ -398,21 +410,25 @@ class OperatorTransport(LinkTransport):
         problem = self._operator.problem
         if problem is None:
             return None
-        return next((resolver.problem for resolver, _ in self._resolvers if resolver.problem), problem)
+        return next((resolver.problem for resolver, _ in self._resolvers if resolver.problem),
+                    self._interfaces.problem or problem)
 
-    def _paths(self, peer: Peer, now: float) -> Sequence[PathStats]:
+    def _others(self, peer: Peer, now: float) -> Sequence[PathStats]:
         """See LinkTransport."""
-        return [PathStats(address_of(path.place), path.place == peer.place, path.is_shared(now), now - path.answered,
-                          path.round_trip)
-                for path in self._operator.paths]
+        return [PathStats(address_of(path.place), interface_of(path.place),
+                          BESIDE if path.is_shared(now) else COPIES if path.place == peer.second else UNUSED,
+                          now - path.answered, path.round_trip)
+                for path in self._operator.paths if path.place != peer.place]
 
     def poll(self, now: float) -> float:
         """See endpoint.Handler."""
         for resolver, _ in self._resolvers:
             resolver.poll(self._operator.problem is not None or resolver.address is None, now)
-        addresses = [(resolver.address, port) for resolver, port in self._resolvers if resolver.address is not None]
-        if addresses:
-            self._operator.set_addresses(addresses, now)
+        self._interfaces.poll(now)
+        places = [place_at((resolver.address, port), interface) for resolver, port in self._resolvers
+                  if resolver.address is not None for interface in self._interfaces.indices]
+        if places:
+            self._operator.set_places(places, now)
         self.report_problem(now)
         return super().poll(now)
 

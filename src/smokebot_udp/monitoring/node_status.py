@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The statuses of a node as a whole: the link, the clocks, who drives, the transport, and refused requests."""
 import re
-from typing import Any, Dict, List, Mapping, Optional, Sequence, Tuple
+from typing import Any, Dict, List, Mapping, Optional, Sequence, Union
 
 from ..transport import PathStats, PeerStats, TransportStats
 from ..units import MBIT
@@ -10,7 +10,7 @@ from .stats import LinkStats
 from .status import ERROR, OK, WARN, Kind, Status, Verdict, by_reason, scaled
 from .windows import Growths
 
-PEER = re.compile(r'(?P<name>\S+) at (?P<host>[^\s:]+):(?P<port>\d{1,5})'
+PEER = re.compile(r'(?P<name>\S+) at (?P<host>[^\s:]+):(?P<port>\d{1,5})(?: by (?P<interface>[^\s;()]{1,15}))?'
                   r'(?: \((?P<unused>not used|commands only|beside)?(?:, )?(?:silent(?: for \d+ s)?)?(?:, )?'
                   r'(?:round trip (?P<round_trip>\d{1,9}) ms)?(?:, )?(?:[0-9.]{1,9} MB sent)?\))?', re.ASCII)
 """A peer in words, as `_peer` makes it."""
@@ -99,35 +99,31 @@ def transport_status(stats: TransportStats) -> Status:
 
 def _peer(peer: PeerStats) -> List[str]:
     """A peer in words, and its other addresses: only what is known of them."""
-    others = {path.address: path for path in peer.paths if not path.is_used}
-    if peer.second is not None:
-        others.setdefault(peer.second, PathStats(peer.second, False, peer.is_shared, 0.0, None))
-    return [_reached(peer, peer.address, peer.silence, peer.round_trip, '')] + [
-        _reached(peer, path.address, path.silence, path.round_trip,
-                 'beside' if path.is_shared else 'commands only' if path.address == peer.second else 'not used')
-        for path in others.values()]
+    return [_reached(peer, peer, '')] + [_reached(peer, path, path.use) for path in peer.others]
 
 
-def _reached(peer: PeerStats, address: Tuple[str, int], silence: float, round_trip: Optional[float], use: str) -> str:
-    """:param use: of the address, unless everything goes there"""
+def _reached(peer: PeerStats, path: Union[PeerStats, PathStats], use: str) -> str:
+    """:param use: of the path, unless it is the first one"""
     parts = [use] if use else []
-    if silence >= 1:
-        parts.append('silent for %.0f s' % silence)
-    if round_trip is not None:
-        parts.append('round trip %.0f ms' % (1e3 * round_trip))
+    if path.silence >= 1:
+        parts.append('silent for %.0f s' % path.silence)
+    if path.round_trip is not None:
+        parts.append('round trip %.0f ms' % (1e3 * path.round_trip))
     if len(peer.carried) > 1:
-        parts.append('%.1f MB sent' % (peer.carried.get(address[0], 0) / 1e6))
-    return '%s at %s:%d%s' % (peer.name, *address, ' (%s)' % ', '.join(parts) if parts else '')
+        parts.append('%.1f MB sent' % (peer.carried.get((path.address[0], path.interface), 0) / 1e6))
+    return '%s at %s:%d%s%s' % (peer.name, *path.address, path.interface and ' by ' + path.interface,
+                                ' (%s)' % ', '.join(parts) if parts else '')
 
 
 def peers_in(text: str) -> List[Dict[str, Any]]:
     """The addresses of peers in the value `connected to` of a transport's status.
 
-    :return: of each `name`, `host`, `port`, `round_trip` [s], which is None where it is unknown, and `used`: whether
-        it is the first path
+    :return: of each `name`, `host`, `port`, `interface`, which is empty where the kernel's routes decide, `round_trip`
+        [s], which is None where it is unknown, and `used`: whether it is the first path
     """
     found = [PEER.fullmatch(one) for one in text.split('; ')]
     return [{'name': peer['name'], 'host': peer['host'], 'port': int(peer['port']),
+             'interface': peer['interface'] or '',
              'round_trip': None if peer['round_trip'] is None else int(peer['round_trip']) / 1e3,
              'used': not peer['unused']}
             for peer in found if peer]

@@ -15,7 +15,7 @@ import socket
 import struct
 import threading
 import time
-from typing import Any, Counter, Optional, Sequence, Set, Tuple, Union
+from typing import Any, Counter, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple, Union
 
 import numpy as np
 
@@ -30,6 +30,7 @@ SO_MEMINFO = 55             # asm-generic/socket.h: the socket's memory statisti
 MEMINFO_DROPS = 8           # linux/sock_diag.h: SK_MEMINFO_DROPS
 SO_TIMESTAMPNS = 35         # asm-generic/socket.h: a control message holds the time of arrival
 SO_PRIORITY = 12            # asm-generic/socket.h: of datagrams in this machine's queues
+IP_PKTINFO = 8              # linux/in.h: a control message says by which interface
 IP_RECVTOS = 13             # linux/in.h: a control message holds the second byte of the IP header
 IP_MTU = 14                 # linux/in.h: the path MTU of a connected socket
 MAP_POPULATE = 0x8000       # asm-generic/mman.h, and x86; Python 3.8 does not name it
@@ -59,19 +60,49 @@ READING_ERROR = 1e-5
 
 SIZE_T = np.dtype(np.uintp)
 
-TIMESTAMP = struct.Struct('@Nii2l')
-"""A control message with a struct timespec: length, level, type, seconds, nanoseconds."""
+_HEADER = [('length', np.uintp), ('level', '=i4'), ('type', '=i4')]
 
-TOS = np.dtype([('length', np.uintp), ('level', '=i4'), ('type', '=i4'), ('value', np.uint8, (SIZE_T.itemsize,))])
+TIMESTAMP: DType = np.dtype([*_HEADER, ('seconds', np.int_), ('nanoseconds', np.int_)])
+"""A control message with a struct timespec."""
+
+PKTINFO: DType = np.dtype([*_HEADER, ('interface', '=u4'), ('local', '>u4'), ('to', '>u4')], align=True)
+"""A control message with a struct in_pktinfo: the interface's index, the address to which answers come, and that to
+which the datagram went."""
+
+TOS: DType = np.dtype([*_HEADER, ('value', np.uint8, (SIZE_T.itemsize,))])
 """A control message with the second byte of the IP header, the first one of its `value`."""
 
-SOCKADDR_IN: DType = np.dtype([('family', '=u2'), ('port', '>u2'), ('address', '>u4'), ('zero', 'u1', (8,))])
+CONTROLS = ((socket.SOL_SOCKET, SO_TIMESTAMPNS, SO_TIMESTAMPNS, TIMESTAMP),
+            (socket.IPPROTO_IP, IP_PKTINFO, IP_PKTINFO, PKTINFO), (socket.IPPROTO_IP, IP_RECVTOS, socket.IP_TOS, TOS))
+"""Level, option, type and layout of the control messages asked for, in the order in which the kernel adds them."""
+
+SOCKADDR_IN: DType = np.dtype([('family', '=u2'), ('port', '>u2'), ('address', '>u4'), ('interface', '=u4'),
+                               ('local', '>u4')])
+"""With the first fields of PKTINFO in place of its zeros."""
 
 LOOPBACK = 0x7f000000, 0xff000000
 """127.0.0.0/8: network and mask."""
 
+LOOPBACK_INTERFACE = 1
+"""Its index on each Linux. What comes by it came from this machine, by the kernel's routes."""
+
 Address = Tuple[str, int]
 """Host and port."""
+
+
+class Via(NamedTuple):
+    """How a datagram leaves this machine."""
+    interface: int = 0
+    """Index of the interface; 0: as the kernel's routes say."""
+    source: int = 0
+    """IPv4 address from which it leaves; 0: the kernel's choice."""
+
+
+KERNELS = Via()
+"""As the kernel's routes say."""
+
+Control = Tuple[int, int, bytes]
+"""A control message of sendmsg: level, type, data."""
 
 
 class PeerGone(Exception):
@@ -82,13 +113,24 @@ class _NoGso(Exception):
     """The kernel does not send many datagrams in one call now: they are sent one by one."""
 
 
-def path_payload(host: str, port: int) -> int:
+def interface_name(index: int) -> str:
+    """The name of an interface; empty: there is none, or index is 0."""
+    try:
+        return socket.if_indextoname(index) if index else ''
+    except OSError:
+        return ''
+
+
+def path_payload(host: str, port: int, via: Via = KERNELS) -> int:
     """The longest UDP payload that reaches the host unfragmented, as far as the kernel knows [byte].
 
     :raises OSError: if the host is unknown or unreachable
     :raises UnicodeError: if it is not a host name
     """
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        if via.interface:
+            with contextlib.suppress(OSError):      # before Linux 5.7 for privileged processes only
+                probe.setsockopt(socket.SOL_SOCKET, socket.SO_BINDTODEVICE, interface_name(via.interface).encode())
         probe.connect((host, port))
         return min(UDP_MAX_PAYLOAD, probe.getsockopt(socket.IPPROTO_IP, IP_MTU) - IP_UDP_HEADERS)
 
@@ -144,55 +186,58 @@ class BatchSender:
         """Whether GSO is in use, and was not refused lately."""
         return self._gso and time.monotonic() > self._refused_until
 
-    def send_one(self, *parts: Union[Buffer, UInt8Array], to: Optional[Address] = None) -> int:
+    def send_one(self, *parts: Union[Buffer, UInt8Array], to: Optional[Address] = None, via: Via = KERNELS) -> int:
         """Send one datagram, given in parts.
 
         :param to: numeric IPv4 address and port; None: the socket is connected
+        :param via: by which interface; where it is gone, nothing is sent
         :return: how many datagrams were sent, 1 or 0
         :raises PeerGone: if the socket is connected, and the peer closed its port
         """
-        return self._try_to_send(parts, (), 1, time.monotonic() + SEND_TIMEOUT, to)
+        return self._try_to_send(parts, _controls(via), 1, time.monotonic() + SEND_TIMEOUT, to)
 
-    def send(self, datagrams: Union[Buffer, UInt8Array], size: int, count: int, to: Optional[Address] = None) -> int:
+    def send(self, datagrams: Union[Buffer, UInt8Array], size: int, count: int, to: Optional[Address] = None,
+             via: Via = KERNELS) -> int:
         """Send many datagrams.
 
         :param datagrams: C-contiguous, one after the other; each is `size` bytes long, the last one may be shorter
-        :param to: as of `send_one`
+        :param to: as of `send_one`, as is `via`
         :return: how many datagrams were sent
         :raises PeerGone: as `send_one`
         """
         data: Any = datagrams
         view, sent = memoryview(data).cast('B'), 0
-        deadline = time.monotonic() + SEND_TIMEOUT
+        deadline, controls = time.monotonic() + SEND_TIMEOUT, _controls(via)
         burst = size * min(MAX_SEGMENTS, UDP_MAX_PAYLOAD // size)
         for start in range(0, count * size, burst):
-            sent += self._send_burst(view[start:start + burst], size, deadline, to)
+            sent += self._send_burst(view[start:start + burst], size, controls, deadline, to)
         return sent
 
-    def _send_burst(self, datagrams: memoryview, size: int, deadline: float, to: Optional[Address]) -> int:
+    def _send_burst(self, datagrams: memoryview, size: int, controls: Sequence[Control], deadline: float,
+                    to: Optional[Address]) -> int:
         """Send at most MAX_SEGMENTS datagrams."""
         if len(datagrams) > size and deadline > self._plain_due:
             self._plain_due = deadline + PLAIN_PERIOD
         elif len(datagrams) > size and self._gso and (size < self._refused_size or deadline > self._refused_until):
-            segment = [(socket.IPPROTO_UDP, UDP_SEGMENT, struct.pack('=H', size))]
+            segment = socket.IPPROTO_UDP, UDP_SEGMENT, struct.pack('=H', size)
             try:
-                return self._try_to_send((datagrams,), segment, -(-len(datagrams) // size), deadline, to)
+                return self._try_to_send((datagrams,), [segment, *controls], -(-len(datagrams) // size), deadline, to)
             except _NoGso:
                 self._refused_size, self._refused_until = size, deadline + GSO_RETRY
-        return sum(self._try_to_send((datagrams[start:start + size],), (), 1, deadline, to)
+        return sum(self._try_to_send((datagrams[start:start + size],), controls, 1, deadline, to)
                    for start in range(0, len(datagrams), size))
 
-    def _try_to_send(self, parts: Sequence[Any], control: Sequence[Tuple[int, int, bytes]], count: int,
-                     deadline: float, to: Optional[Address]) -> int:
+    def _try_to_send(self, parts: Sequence[Any], controls: Sequence[Control], count: int, deadline: float,
+                     to: Optional[Address]) -> int:
         """One sendmsg call with `count` datagrams; returns how many were sent: all, or none.
 
-        :raises _NoGso: if the kernel refuses the control message, which asks for GSO
+        :raises _NoGso: if there are several, and the kernel refuses the control message that asks for GSO
         """
         while True:
             try:
                 with self._shared.lock:
                     self._shared.set(self.socket, self.tos)
-                    self.socket.sendmsg(parts, control, 0, to)
+                    self.socket.sendmsg(parts, controls, 0, to)
                 return count
             except ConnectionRefusedError as error:
                 raise PeerGone('the port of %s:%d is closed' % self.socket.getpeername()) from error
@@ -203,12 +248,20 @@ class BatchSender:
                 self.failures['EAGAIN'] += count
                 return 0
             except OSError as error:
-                if control and error.errno in NO_GSO:
+                if count > 1 and error.errno in NO_GSO:
                     raise _NoGso from error
                 if error.errno == errno.EBADF:
                     raise
                 self.failures[errno.errorcode.get(error.errno or 0, str(error.errno))] += count
                 return 0
+
+
+def _controls(via: Via) -> List[Control]:
+    """What sendmsg is told of the interface."""
+    if via == KERNELS:
+        return []
+    info = struct.pack('=I', via.interface) + struct.pack('!II', via.source, 0)
+    return [(socket.IPPROTO_IP, IP_PKTINFO, info)]
 
 
 class DatagramSender(BatchSender):
@@ -311,6 +364,7 @@ class DatagramReceiver:
         self._offset = ClockOffset()
         self._poll = select.poll()
         self._poll.register(self.socket, select.POLLIN)
+        self._messages: Dict[int, Tuple[int, int, Records]] = {}    # {type: (level, where it ends, in each slot)}
         self._recvmmsg = _find_recvmmsg() if recvmmsg else None
         if self._recvmmsg:
             self._prepare()
@@ -332,15 +386,18 @@ class DatagramReceiver:
         header['iov'] = self._iovecs.ctypes.data + self._iovecs.strides[0] * np.arange(self.batch)
         header['iovlen'] = 1
         self._lengths = self._headers['len']
-        self._control = _mapped((self.batch, TIMESTAMP.size + TOS.itemsize), np.uint8)
-        # the kernel adds it after the time
-        tos: Records = np.ndarray((self.batch,), TOS, self._control, TIMESTAMP.size, self._control.strides[:1])
-        self._tos_level, self._tos_type, self._tos_value = tos['level'], tos['type'], tos['value'][:, 0]
+        self._control = _mapped((self.batch, sum(layout.itemsize for _, _, _, layout in CONTROLS)), np.uint8)
         header['control'] = self._control.ctypes.data + self._control.strides[0] * np.arange(self.batch)
         self._control_lengths = header['controllen']
-        for level, option in ((socket.SOL_SOCKET, SO_TIMESTAMPNS), (socket.IPPROTO_IP, IP_RECVTOS)):
-            with contextlib.suppress(OSError):
+        offset = 0
+        for level, option, kind, layout in CONTROLS:
+            try:
                 self.socket.setsockopt(level, option, 1)
+            except OSError:     # a sandbox
+                continue
+            records: Records = np.ndarray((self.batch,), layout, self._control, offset, self._control.strides[:1])
+            self._messages[kind] = level, offset + layout.itemsize, records
+            offset += layout.itemsize
 
     def wait(self, timeout: float) -> bool:
         """Wait until there is something to receive (or an error to clear); False after timeout [s]."""
@@ -362,7 +419,25 @@ class DatagramReceiver:
                 return 0
             raise OSError(number, 'recvmmsg')
         self.lengths[:count] = self._lengths[:count]
+        self._say_how(count)
         return count
+
+    def _say_how(self, count: int) -> None:
+        """Add to the senders how their datagrams came."""
+        rows, records = self._control_messages(IP_PKTINFO, np.arange(count))
+        if records is not None:
+            found = self.sources[:count]
+            found['local'][rows] = records['local'][rows]
+            found['interface'][rows] = records['interface'][rows]
+            found['interface'][found['interface'] == LOOPBACK_INTERFACE] = 0
+
+    def _control_messages(self, kind: int, rows: IntArray) -> Tuple[IntArray, Optional[Records]]:
+        """(those of some rows that have a control message of a type, its records of all rows; None: there are none)."""
+        if kind not in self._messages or not len(rows):
+            return rows[:0], None
+        level, end, records = self._messages[kind]
+        has = (self._control_lengths[rows] >= end) & (records['level'][rows] == level) & (records['type'][rows] == kind)
+        return rows[has], records
 
     def _receive_one_by_one(self) -> int:
         if self.socket.fileno() < 0:
@@ -372,25 +447,24 @@ class DatagramReceiver:
                 self.lengths[count], (host, port) = self.socket.recvfrom_into(self.datagrams[count])
             except (BlockingIOError, ConnectionRefusedError):
                 return count
-            self.sources[count] = (socket.AF_INET, port, number_of(host), [0] * 8)
+            self.sources[count] = (socket.AF_INET, port, number_of(host), 0, 0)
         return self.batch
 
     def arrival(self, row: int) -> float:
         """When a row's datagram reached this machine, by time.monotonic(); now, if the kernel does not say [s]."""
         now = time.monotonic()
-        if self._recvmmsg is None or self._control_lengths[row] < TIMESTAMP.size:
+        rows, records = self._control_messages(SO_TIMESTAMPNS, np.array([row]))
+        if records is None or not len(rows):
             return now
-        _, _, _, seconds, nanoseconds = TIMESTAMP.unpack_from(self._control[row])
-        arrived = seconds + 1e-9 * nanoseconds - self._offset()
+        arrived = float(records['seconds'][row]) + 1e-9 * float(records['nanoseconds'][row]) - self._offset()
         return arrived if 0 <= now - arrived <= MAX_QUEUEING else now
 
     def marked(self, rows: IntArray) -> int:
         """How many of some rows' datagrams a congested queue has marked (ECN)."""
-        if self._recvmmsg is None:
+        rows, records = self._control_messages(socket.IP_TOS, rows)
+        if records is None:
             return 0
-        rows = rows[self._tos_value[rows] & traffic.ECN == traffic.CE]
-        return int(np.count_nonzero((self._tos_level[rows] == socket.IPPROTO_IP)
-                                    & (self._tos_type[rows] == socket.IP_TOS))) if len(rows) else 0
+        return int(np.count_nonzero(records['value'][rows, 0] & traffic.ECN == traffic.CE))
 
     def shortage(self, wanted: int) -> Optional[str]:
         """What to do where the kernel has not granted a receive buffer of `wanted` bytes; None: it has."""
