@@ -7,6 +7,16 @@ from typing import Collection, Hashable, Mapping, NamedTuple
 NO_LIMITS: Mapping[str, int] = MappingProxyType({})
 
 
+class PathPolicy(NamedTuple):
+    """How a path may be used."""
+    max_rate: float = math.inf
+    """Of all streams by it [byte/s]."""
+    weight: float = 1.0
+    """The part of its capacity that streams take, 0..1: others may need the rest."""
+    metered: bool = False
+    """Whether its bytes cost: beside another path it carries only what that one cannot carry of the cheapest images."""
+
+
 class PathUse(NamedTuple):
     """A path by which a peer gets what is sent."""
     key: Hashable
@@ -15,8 +25,7 @@ class PathUse(NamedTuple):
     """Since the peer was heard over it, as far as it has to show that it is alive [s]."""
     host: str = ''
     """Address of the peer."""
-    max_rate: float = math.inf
-    """What a path that costs carries by itself; beside another one it carries nothing [byte/s]."""
+    policy: PathPolicy = PathPolicy()
     interface: str = ''
     """By which interface of this machine it goes; empty: unknown."""
 

@@ -10,7 +10,7 @@ from controlled_robot import LIMITS, SIZE, Receiver, image
 from smokebot_udp.congestion.bundle import LATE, MAX_LEAD, SILENCE, Bundle
 from smokebot_udp.congestion.controller import Controller
 from smokebot_udp.congestion.sent_history import SentHistory
-from smokebot_udp.paths import STRAIGHT, PathUse
+from smokebot_udp.paths import STRAIGHT, PathPolicy, PathUse
 from smokebot_udp.units import MBIT
 
 BOTH = [PathUse('wifi'), PathUse('lte')]
@@ -27,6 +27,7 @@ class TwoPaths:
         self.lost: Dict[int, float] = {}        # {path: share of its datagrams}
         self.arrivals: List[Any] = []
         self.controller.on_arrivals = lambda *what: self.arrivals.append(what)
+        self.demand = image(rate=30.0)
         self._seq = itertools.count(1)
 
     def drive(self, seconds: float, uses: Sequence[PathUse] = BOTH) -> List[int]:
@@ -38,7 +39,7 @@ class TwoPaths:
                 self.controller.on_paths({'/op': uses}, self.now)
                 for path, link in enumerate(self.links[:len(uses)]):
                     self.controller.on_report('/op', link.report(self.now), self.now, 1, path)
-                self.controller.tick(self.now, {'thermal': image(rate=30.0)}, 0)
+                self.controller.tick(self.now, {'thermal': self.demand}, 0)
             seq = next(self._seq)
             route = self.controller.route('thermal', 1, SIZE, self.now, waiting=100 * SIZE)
             self.controller.on_sent('thermal', seq, 1, SIZE, self.now, route)
@@ -162,14 +163,40 @@ def test_reports_of_a_path_that_is_not_used_are_ignored() -> None:
 
 
 def test_a_path_that_costs_carries_nothing_beside_another_one_and_little_by_itself() -> None:
-    robot, costs = TwoPaths(2 * MBIT, 2 * MBIT), PathUse('lte', max_rate=0.3 * MBIT)
+    robot, costs = TwoPaths(2 * MBIT, 2 * MBIT), PathUse('lte', policy=PathPolicy(0.3 * MBIT, metered=True))
     robot.drive(4.0, [BOTH[0], costs])
     assert robot.drive(1.0, [BOTH[0], costs])[1] == 0
     robot.drive(1.0, [costs])
     state = robot.controller.stats(robot.now)
     assert state.capacity == pytest.approx(0.3 * MBIT) and state.rate <= 0.3 * MBIT
-    robot.drive(3.0, [costs, BOTH[0]])      # the other one is there again, but not yet preferred
+    robot.links.reverse()       # the other one is there again, but not yet preferred
+    robot.drive(1.0, [costs, BOTH[0]])
+    assert robot.drive(2.0, [costs, BOTH[0]])[0] == 0
     assert robot.controller.stats(robot.now).capacity > 1.5 * MBIT
+
+
+def test_a_path_that_costs_carries_the_cheapest_images_where_the_other_one_does_not() -> None:
+    robot, costs = TwoPaths(0.3 * MBIT, 2 * MBIT), PathUse('lte', policy=PathPolicy(MBIT, metered=True))
+    robot.drive(4.0, [BOTH[0], costs])
+    assert robot.drive(1.0, [BOTH[0], costs])[1] == 0
+    robot.demand = image(rate=30.0, is_base=True)
+    base = robot.demand.base
+    assert base == pytest.approx(30 / 2 * robot.demand.points[0].cost) and 0.3 * MBIT < base < MBIT
+    robot.drive(4.0, [BOTH[0], costs])
+    assert 0.5 * base < robot.drive(4.0, [BOTH[0], costs])[1] * SIZE / 4 <= 1.1 * base
+    robot.links[0].rate = 4 * MBIT
+    robot.drive(8.0, [BOTH[0], costs])
+    assert robot.drive(1.0, [BOTH[0], costs])[1] == 0
+
+
+def test_a_path_may_be_used_in_part_and_up_to_a_rate() -> None:
+    robot = TwoPaths(2 * MBIT, 2 * MBIT)
+    limited = [BOTH[0]._replace(policy=PathPolicy(weight=0.5)), BOTH[1]._replace(policy=PathPolicy(0.25 * MBIT))]
+    robot.drive(8.0)
+    robot.drive(1.0, limited)
+    went = [count * SIZE / 4 for count in robot.drive(4.0, limited)]
+    assert went[0] == pytest.approx(MBIT, rel=0.1) and 0.15 * MBIT < went[1] <= 0.25 * MBIT
+    assert robot.controller.stats(robot.now).capacity == pytest.approx(1.25 * MBIT, rel=0.1)
 
 
 def test_who_lost_one_of_two_paths_is_reached_over_the_other_one_only() -> None:
@@ -178,7 +205,8 @@ def test_who_lost_one_of_two_paths_is_reached_over_the_other_one_only() -> None:
     for second, used, only in [
             (1.0, [wifi], ''), (2.0, [lte], ''),        # it has moved: it never had both
             (3.0, [wifi, lte], ''), (4.0, [wifi], 'wlan0'), (5.0, [lte], '100.64.0.9'), (6.0, [lte, wifi], ''),
-            (7.0, [wifi, lte._replace(silence=SILENCE)], 'wlan0'), (8.0, [wifi, lte._replace(max_rate=1.0)], '')]:
+            (7.0, [wifi, lte._replace(silence=SILENCE)], 'wlan0'),
+            (8.0, [wifi, lte._replace(policy=PathPolicy(metered=True))], '')]:
         bundle.follow(used, second)
         assert bundle.only == only, second
     bundle.on_return(9.0)       # it may have been started with one

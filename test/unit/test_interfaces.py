@@ -6,42 +6,41 @@ from smokebot_udp.link import interfaces
 from smokebot_udp.link.interfaces import PERIOD, Interfaces
 
 
-def test_without_names_the_kernel_decides() -> None:
+def test_without_a_name_the_kernel_decides() -> None:
     told: List[str] = []
-    found = Interfaces([], told.append)
+    found = Interfaces(['', ''], told.append)
     found.poll(0.0)
-    assert (list(found.indices), found.problem, told) == ([0], '', [])
+    assert (found.index(''), found.problem, told) == (0, None, [])
 
 
 def test_they_come_and_go(monkeypatch) -> None:
     there = {'wlan0': 3, 'wwan0': 7}
-
-    def index_of(name: str) -> int:
-        if name not in there:
-            raise OSError('no such device')
-        return there[name]
-    monkeypatch.setattr(interfaces.socket, 'if_nametoindex', index_of)
+    monkeypatch.setattr(interfaces, 'index_of', there.get)
     told: List[str] = []
     found = Interfaces(['wwan0', 'wlan0'], told.append)
+
+    def indices() -> List[object]:
+        return [found.index(name) for name in ('wwan0', 'wlan0')]
     found.poll(0.0)
-    assert (list(found.indices), told) == ([7, 3], [])
+    assert (indices(), told) == ([7, 3], [])
     del there['wwan0']
     found.poll(PERIOD / 2)
-    assert list(found.indices) == [7, 3]
+    assert indices() == [7, 3]
     for now in (PERIOD, 2 * PERIOD):
         found.poll(now)
-        assert list(found.indices) == [3] and not found.problem
-        assert told == ["interfaces: this machine has no interface 'wwan0' now"]
+        assert indices() == [None, 3] and found.problem is None
+        assert told == ["robot: this machine has no interface 'wwan0' now"]
     del there['wlan0']
     found.poll(3 * PERIOD)
-    assert not found.indices and found.problem == 'this machine has no interface wwan0 or wlan0 now'
+    assert found.problem == 'this machine has no interface wwan0 or wlan0 now'
     there['wwan0'] = 9      # plugged in again
     found.poll(4 * PERIOD)
-    assert list(found.indices) == [9] and not found.problem
+    assert indices() == [9, None] and found.problem is None
 
 
 def test_the_interfaces_of_this_machine() -> None:
     told: List[str] = []
-    found = Interfaces(['lo', 'none\0', 'much_longer_than_fits'], told.append)
+    names = ['lo', 'none\0', 'much_longer_than_fits']
+    found = Interfaces(names, told.append)
     found.poll(0.0)
-    assert list(found.indices) == [socket.if_nametoindex('lo')] and len(told) == 2
+    assert [found.index(name) for name in names] == [socket.if_nametoindex('lo'), None, None] and len(told) == 2

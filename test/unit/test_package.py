@@ -45,7 +45,7 @@ PURE_UDPROS = {'admission', 'batches', 'bus_info', 'datagram', 'depacketizer', '
                'presence', 'reassembly', 'records', 'sequence', 'silence'}
 """The protocol core of udpros, likewise."""
 
-IMPURE_LINK = {'endpoint', 'keys', 'peer_topics', 'resolver', 'topics', 'transport'}
+IMPURE_LINK = {'endpoint', 'interfaces', 'keys', 'peer_topics', 'resolver', 'topics', 'transport'}
 """The other modules of link are its protocol core, likewise."""
 
 IMPURE_WEB = {'browser', 'calls', 'captures', 'desk', 'driving', 'node', 'robot', 'server', 'stills'}

@@ -27,7 +27,8 @@ def test_a_prefix_may_be_empty() -> None:
     ('ugv2: {host: b, prot: 5}', "robot 'ugv2': prot: no such setting; there are footprint, "
                                  'frame_prefix, host, key_file, port, streams'),
     ('ugv2: {port: 5}', "robot 'ugv2': host is missing: host name or IPv4 address of the robot; a list of one robot's: "
-                            'in order of preference'),
+                            'in order of preference. With %NAME after it, an interface of the desk by which it is '
+                            'reached'),
     ('ugv2: {host: b, port: x}', "robot 'ugv2': port is 'x', must be a whole number from 1 to 65535"),
     ('ugv2: {host: b, port: 0}', "robot 'ugv2': port is 0, must be a whole number from 1 to 65535"),
     ('ugv2: {host: b, key_file: 7}', "robot 'ugv2': key_file is 7, must be a text"),
@@ -57,7 +58,7 @@ def test_a_file_without_robots(text: str, problems: List[str]) -> None:
 def test_a_robot_may_have_several_addresses() -> None:
     robots, problems = load('ugv1: {host: [10.0.0.7, Lte.local]}\nugv2: {host: [10.0.0.8, 10.0.0.7]}\n'
                             'ugv3: {host: [10.0.0.9, 10.0.0.9:5]}\nugv4: {host: []}')
-    assert addresses(robots['ugv1']) == [('10.0.0.7', 17001), ('lte.local', 17001)]
+    assert addresses(robots['ugv1']) == [('10.0.0.7', 17001), ('Lte.local', 17001)]
     assert problems == ["robot 'ugv2': 10.0.0.7:17001 is already robot 'ugv1'",
                         "robot 'ugv3': host is '10.0.0.9:5', must be a host name or an IPv4 address; its port is a "
                         'setting of its own',

@@ -87,8 +87,9 @@ def free_port() -> int:
 def test_a_robot_may_have_several_addresses() -> None:
     assert addresses_in('10.0.0.7:17001') == [('10.0.0.7', 17001)]
     assert addresses_in('10.0.0.7:17001, lte.local:1') == [('10.0.0.7', 17001), ('lte.local', 1)]
+    assert addresses_in('a%wlan0:1,a%wwan0:1') == [('a%wlan0', 1), ('a%wwan0', 1)]
     for text, reason in (('a:1,a:1', "robot is 'a:1,a:1': a:1 stands twice"),
-                         ('a:1,', "robot is '', must be HOST:PORT, such as 10.0.0.7:17001"),
+                         ('a:1,', "robot is '', must be HOST:PORT, such as 10.0.0.7:17001 or 10.0.0.7%wwan0:17001"),
                          ('a:1,b:1,c:1,d:1,e:1', "robot is 'a:1,b:1,c:1,d:1,e:1': it has 5 addresses, at most 4 are "
                                                  'used')):
         with pytest.raises(ValueError) as error:
@@ -108,7 +109,7 @@ def test_an_ipv6_address_is_refused_with_what_to_do(text: str) -> None:
 
 
 @pytest.mark.parametrize('text', ['10.0.0.7', ':17001', '10.0.0.7:', '10.0.0.7:0', '10.0.0.7:65536', 'a:b', 'a:-1',
-                                  'a:²', 'a:1e3'])
+                                  'a:²', 'a:1e3', '%wlan0:1', 'a%:1'])
 def test_what_is_none_is_refused(text: str) -> None:
     with pytest.raises(ValueError, match='must be HOST:PORT, such as 10.0.0.7:17001') as error:
         host_and_port(text)
@@ -218,7 +219,7 @@ def test_an_address_without_a_port_is_said(monkeypatch: Any, log: Log) -> None:
     given = parameters(monkeypatch, tables.OPERATOR_RECEIVER, {'robot': '10.0.0.7'}, [])
     assert waits(log, monkeypatch, lambda: operator_transport(given)) == [
         "the link to 10.0.0.7 does not start, and this node waits: robot is '10.0.0.7', must be HOST:PORT, "
-        'such as 10.0.0.7:17001']
+        'such as 10.0.0.7:17001 or 10.0.0.7%wwan0:17001']
 
 
 def test_problems_name_the_robot_since_a_desk_may_have_several(monkeypatch: Any, log: Log, tmp_path: pathlib.Path

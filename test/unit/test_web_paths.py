@@ -45,8 +45,8 @@ def test_the_streams_of_a_shared_master_have_one_path() -> None:
 
 
 def test_they_are_few_and_their_names_short_and_harmless() -> None:
-    peers = [{'name': '/\x1b' + 1000 * 'x', 'host': '10.0.0.%d' % number, 'port': 1, 'interface': '', 'round_trip': None,
-              'used': True} for number in range(2 * MAX_PATHS)]
+    peers = [{'name': '/\x1b' + 1000 * 'x', 'host': '10.0.0.%d' % number, 'port': 1, 'interface': '',
+              'round_trip': None, 'used': True} for number in range(2 * MAX_PATHS)]
     tree = {'operators': [operator(peers)]}
     paths = paths_of(tree, route)
     assert len(paths) == MAX_PATHS and paths[0]['name'] == '/?' + 98 * 'x'

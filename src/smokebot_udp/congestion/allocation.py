@@ -62,8 +62,16 @@ class Demand:
     """f(settings of a point, spare [byte/s]) -> settings, improved by bandwidth left over (Encoder.refine)."""
     whole: bool = False
     """Whether a message is useless without all its datagrams."""
+    is_base: bool = False
+    """Whether its `base` is worth a path whose bytes cost."""
     wished: float = 0.0
     """A link of this rate would show its messages sooner, however much is sent: it is probed for [byte/s]."""
+
+    @property
+    def base(self) -> float:
+        """What its cheapest messages take, were none left out [byte/s]."""
+        settings, cost = self.points[0]
+        return cost * max(1.0, self.rate / settings['rate']) if 'rate' in settings else cost
 
 
 class Grant(NamedTuple):

@@ -10,6 +10,8 @@
   does not wait for a slow path. What is sent at once goes by the path on which it arrives first.
 * What a slow path does not carry therefore is no capacity, and the other one is not paced faster for it.
 * A packet train goes by the path that it is to measure.
+* A path whose bytes cost is used beside another one only while that one does not carry the cheapest images, and for no
+  more than these take.
 """
 import math
 from dataclasses import replace
@@ -41,6 +43,12 @@ LATE = 0.05
 its own. With 0.1 s images over 0.4 and 0.2 Mbit/s are 0.1 dB sharper and 29 ms older, and the screen is 0.3 dB worse
 (`bench paths`) [s]."""
 
+ENOUGH = 1.5
+"""A path that costs is left once the other one carries the cheapest images this many times: estimates vary."""
+
+TRICKLE = 1.0
+"""What a path that costs carries where it is not needed [byte/s]."""
+
 LONG_DATAGRAM = 1472
 """Those of images are as long [byte]."""
 
@@ -62,8 +70,8 @@ class _Path:
         self._shift = 0 if known.total is None else known.total - reader.sent.total
         self.since = since
         """What was sent earlier says nothing about it; -inf: all says something [s]."""
-        self.max_rate = math.inf
-        """See PathUse [byte/s]."""
+        self.weight, self.max_rate = 1.0, math.inf
+        """See PathPolicy; a path that costs may carry less [1, byte/s]."""
         self.heard = since
         """When it was known to be alive [s]."""
         self.busy = -math.inf
@@ -73,12 +81,12 @@ class _Path:
     @property
     def rate(self) -> float:
         """What may be sent by it now [byte/s]."""
-        return min(self.estimator.rate, self.max_rate)
+        return min(self.weight * self.estimator.rate, self.max_rate)
 
     @property
     def capacity(self) -> float:
-        """What it carries [byte/s]."""
-        return min(self.estimator.link.capacity, self.max_rate)
+        """What streams may take of it [byte/s]."""
+        return min(self.weight * self.estimator.link.capacity, self.max_rate)
 
     @property
     def total(self) -> int:
@@ -136,6 +144,8 @@ class Bundle:
         self._paths = [_Path(None, FeedbackReader(history), _Estimate(now, limits), -math.inf)]
         self._train, self._train_left = 0, 0.0      # the path that is measured, and what of its train has not left
         self._has_two = False       # whether there were two since it joined
+        self.base = 0.0
+        """What the cheapest images of all streams take, and what is protected [byte/s]."""
         self.only = ''
         """The path by which it is reached, where there were two: its interface, or the operator's host there."""
 
@@ -146,7 +156,7 @@ class Bundle:
         alone = len(used) == 1 or used[1].silence >= SILENCE
         self._has_two |= not alone
         self.only = (used[0].interface or used[0].host) if self._has_two and alone else ''
-        used = [used[0], *(one for one in used[1:2] if self._is_useful(one, now))]
+        used = [used[0], *(one for one in used[1:2] if self._is_useful(one, used[0], now))]
         first = self._paths[0]
         if first.key is None:
             first.key = used[0].key
@@ -159,14 +169,26 @@ class Bundle:
             self._paths[1:] = [self._path(one.key, FeedbackReader(self._history), now) for one in used[1:]]
             self._train_left = 0.0
         for path, one in zip(self._paths, used):
-            path.heard, path.max_rate = max(path.heard, now - one.silence), one.max_rate
+            path.heard, path.weight = max(path.heard, now - one.silence), one.policy.weight
+            path.max_rate = one.policy.max_rate
+            if one.policy.metered and len(used) > 1:
+                needed = self.base if self._lacks(used[0] if path is self._paths[1] else used[1]) else TRICKLE
+                path.max_rate = min(path.max_rate, needed)
         if len(self._paths) > 1:
             for path in self._paths:
                 path.reader.is_shared = True
 
-    def _is_useful(self, second: PathUse, now: float) -> bool:
-        """Whether something goes by a second path: it is alive, and costs nothing."""
-        if second.max_rate < math.inf:
+    def _lacks(self, use: PathUse) -> bool:
+        """Whether a path does not carry the cheapest images."""
+        known = self._known.get(use.key)
+        if known is None:
+            return False
+        capacity = min(use.policy.weight * known.estimator.link.capacity, use.policy.max_rate)
+        return capacity < (ENOUGH if len(self._paths) > 1 else 1.0) * self.base
+
+    def _is_useful(self, second: PathUse, first: PathUse, now: float) -> bool:
+        """Whether something goes by a second path: it is alive, and if it costs, it is needed."""
+        if second.policy.metered and not first.policy.metered and not self._lacks(first):
             return False
         heard = max((path.heard for path in self._paths[1:] if path.key == second.key), default=-math.inf)
         return min(second.silence, now - heard) < SILENCE

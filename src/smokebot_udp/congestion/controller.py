@@ -241,7 +241,9 @@ class Controller:
         self._sent.read(self._history.total, now)
         self._protected.read(protected_bytes, now)
         protected = self._protected.per_second or 0.0
+        base = protected + math.fsum(demand.base for demand in demands.values() if demand.is_base)
         for operator in self._operators.values():
+            operator.paths.base = base
             operator.paths.poll(now, (self._sent.per_second or 0.0) + protected)
         self._find_near(now)
         self._wanted = protected + math.fsum(demand.points[-1].cost for demand in demands.values())

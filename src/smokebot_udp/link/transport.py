@@ -381,9 +381,9 @@ class OperatorTransport(LinkTransport):
     """The operator's side.
 
     :param addresses: the robot's, in order of preference: hosts, which are names or IPv4 addresses, and ports. A name
-        is looked up again while the robot does not answer
+        is looked up again while the robot does not answer. A host may end with % and the interface of this machine by
+        which it is asked; otherwise the kernel's routes decide
     :param key: the robot's
-    :param interfaces: names of those of this machine by which each address is asked; empty: the kernel decides
 
     The other arguments are RobotTransport's.
     """
@@ -391,10 +391,11 @@ class OperatorTransport(LinkTransport):
     def __init__(self, addresses: Sequence[Address], key: bytes, *,
                  max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20, tos_mask: int = 0,
                  name: Optional[str] = None, renewed: Renewed = never, report: Report = rospy.logerr,
-                 log: Report = rospy.loginfo, remarks: Sequence[str] = (), interfaces: Sequence[str] = ()) -> None:
-        self._interfaces = Interfaces(interfaces, report)
+                 log: Report = rospy.loginfo, remarks: Sequence[str] = ()) -> None:
         self._operator = OperatorCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
-        self._resolvers = [(Resolver(host), port) for host, port in addresses]
+        parts = [(*host.partition('%')[::2], port) for host, port in addresses]
+        self._resolvers = [(Resolver(host), port, interface) for host, interface, port in parts]
+        self._interfaces = Interfaces([interface for _, interface, _ in parts], report)
         self._troubled: Optional[float] = None      # since when there is a problem
         self._last_problem: Optional[str] = None    # that was reported
         self._has_left = False      # and has said so
@@ -410,7 +411,7 @@ class OperatorTransport(LinkTransport):
         problem = self._operator.problem
         if problem is None:
             return None
-        return next((resolver.problem for resolver, _ in self._resolvers if resolver.problem),
+        return next((resolver.problem for resolver, *_ in self._resolvers if resolver.problem),
                     self._interfaces.problem or problem)
 
     def _others(self, peer: Peer, now: float) -> Sequence[PathStats]:
@@ -422,11 +423,12 @@ class OperatorTransport(LinkTransport):
 
     def poll(self, now: float) -> float:
         """See endpoint.Handler."""
-        for resolver, _ in self._resolvers:
+        for resolver, *_ in self._resolvers:
             resolver.poll(self._operator.problem is not None or resolver.address is None, now)
         self._interfaces.poll(now)
-        places = [place_at((resolver.address, port), interface) for resolver, port in self._resolvers
-                  if resolver.address is not None for interface in self._interfaces.indices]
+        indices = [self._interfaces.index(interface) for *_, interface in self._resolvers]
+        places = [place_at((resolver.address, port), index) for (resolver, port, _), index
+                  in zip(self._resolvers, indices) if resolver.address is not None and index is not None]
         if places:
             self._operator.set_places(places, now)
         self.report_problem(now)

@@ -15,11 +15,11 @@ from .parameters import Parameter, check
 from .yaml_text import read_yaml
 
 NAME = re.compile(r'[A-Za-z][A-Za-z0-9_]*$')
-HOST = re.compile(r'[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?$')
+HOST = re.compile(r'[A-Za-z0-9]([A-Za-z0-9._-]*[A-Za-z0-9])?(%[^%\s/:,]+)?$')
 
 ROBOT = {
     'host': Parameter(None, '', 'host name or IPv4 address of the robot; a list of one robot\'s: in order of '
-                      'preference'),
+                      'preference. With %NAME after it, an interface of the desk by which it is reached'),
     'port': Parameter(17001, '', "UDP port of the robot: its link_port", least=1, most=65535),
     'key_file': Parameter('', '', "file with a copy of the robot's key; empty: ~/.ros/smokebot_udp/NAME.key"),
     'frame_prefix': Parameter('', '', "goes before all frames of the robot; if it is missing: the robot's name and a "
@@ -76,13 +76,18 @@ def _check_address(address: Tuple[str, int], others: Mapping[str, Mapping[str, A
         raise ValueError('host is %r, must be a host name or an IPv4 address; its port is a setting of its own'
                          % address[0])
     for other, theirs in others.items():
-        if address in addresses(theirs):
-            raise ValueError("%s:%d is already robot '%s'" % (*address, other))
+        if _host_and_port(address) in map(_host_and_port, addresses(theirs)):
+            raise ValueError("%s:%d is already robot '%s'" % (*_host_and_port(address), other))
+
+
+def _host_and_port(address: Tuple[str, int]) -> Tuple[str, int]:
+    """An address without the interface."""
+    return address[0].partition('%')[0].lower(), address[1]
 
 
 def addresses(settings: Mapping[str, Any]) -> List[Tuple[str, int]]:
-    """The hosts and ports of a robot, in order of preference.
+    """The hosts and ports of a robot, in order of preference. A host may end with % and an interface of the desk.
 
     :param settings: one robot's in robots.yaml
     """
-    return [(host.lower(), settings['port']) for host in settings['host'].split(',')]
+    return [(host, settings['port']) for host in settings['host'].split(',')]

@@ -76,7 +76,7 @@ class FocusControl(Part):
         self._parts += [LiveSettings(name, store, report, functools.partial(self._control.request, name))
                         for name, store in stores.items()]
         # a stream's own parameters take precedence over the focus
-        self._opened.add(ParameterWatch(self._parts, background=False))
+        self._watch = self._opened.add(ParameterWatch(self._parts, background=False))
         self._opened.started(self._show)
         self._changes = self._opened.started(PeriodicWorker(
             'status', self._publish_changes, log_error('status'), CHANGES_PERIOD))
@@ -86,6 +86,10 @@ class FocusControl(Part):
             logwarn('', warning, ERROR_PERIOD)
         driving.subscribe(self._changes.wake)
         problems.subscribe(self._changes.wake)
+
+    def add(self, part: LiveSettings) -> None:
+        """Serve further settings of the node, which no focus changes."""
+        self._watch.add(part)
 
     def _switched(self, focus: str) -> None:
         self._rate.forget()

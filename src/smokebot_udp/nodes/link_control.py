@@ -35,7 +35,7 @@ UNPACED = 800 * MBIT
 that they could overrun. A raw image leaves in a quarter of the time [byte/s]."""
 
 
-MarkPaths = Callable[[Mapping[str, Sequence[PathUse]], float], Mapping[str, Sequence[PathUse]]]
+MarkPaths = Callable[[Mapping[str, Sequence[PathUse]]], Mapping[str, Sequence[PathUse]]]
 
 
 class SharedController:
@@ -82,14 +82,14 @@ class LinkControl(Part):
     :param streams: {name: RobotStream}, started
     :param reported: f(operator, seq), called with whose report came, and its sequence number
     :param wifi_interface: the parameter ~wifi_interface
-    :param mark: f(paths of operators, now [s]) -> the same, of which those that cost have their maximum rate
+    :param mark: f(paths of operators) -> the same, with the policies of the robot
     :param further: f(capacity) -> {name: Demand}, of what is sent beside the streams. The capacity is that of the link,
         or while that is unknown the rate; 0: unknown and unlimited [byte/s]
     """
 
     def __init__(self, controller: SharedController, link: RobotLink, streams: Mapping[str, RobotStream],
                  reported: Callable[[str, int], None] = lambda operator, seq: None, wifi_interface: str = '',
-                 mark: MarkPaths = lambda paths, now: paths,
+                 mark: MarkPaths = lambda paths: paths,
                  further: Callable[[float], Mapping[str, Demand]] = lambda capacity: {}) -> None:
         super().__init__()
         self._controller, self._link, self._streams, self._reported = controller, link, streams, reported
@@ -142,7 +142,7 @@ class LinkControl(Part):
                    **self._further(self._capacity)}
         self._count_operators()
         self._paths.tick(now)
-        paths = self._mark(self._link.transport.paths(now), now)
+        paths = self._mark(self._link.transport.paths(now))
         with self._controller as controller:
             controller.on_paths(paths, now)
             plan = controller.tick(now, {name: demand for name, demand in demands.items() if demand is not None},

@@ -55,9 +55,9 @@ ROBOT_SENDER = {
     'max_rate': Parameter(50.0, 'Mbit/s', 'maximum rate of all streams together, however fast the link is; 0: '
                           'unlimited', least=0.0),
     'metered': Parameter('', '', 'interfaces of the robot whose bytes cost, such as wwan0, separated by commas: by '
-                         'them go commands, and the streams where no other address of an operator answers'),
-    'metered_rate': Parameter(0.5, 'Mbit/s', 'maximum rate of all streams together by a metered interface; 0: max_rate',
-                              least=0.0),
+                         'them go commands, and the streams where no other address of an operator answers; '
+                         'path_wwan0/metered changes it'),
+    'metered_rate': Parameter(0.5, 'Mbit/s', 'max_rate of a metered interface at the start', least=0.0),
     'min_rate': Parameter(0.1, 'Mbit/s', 'minimum rate, whatever operators report', least=0.01),
     'dscp': _DSCP,
     'ecn': Parameter(True, '', 'whether networks may mark datagrams where a queue builds up, instead of dropping them '
@@ -73,13 +73,24 @@ ROBOT_SENDER = {
     **DIAGNOSTICS,
 }
 
+PATH = {
+    'max_rate': Parameter(0.0, 'Mbit/s', 'maximum rate of all streams together to one operator by this interface; 0: '
+                          'as of the node', least=0.0, live=True),
+    'weight': Parameter(1.0, '', 'part of its capacity that the streams take: others may need the rest', least=0.05,
+                        most=1.0, live=True),
+    'metered': Parameter(False, '', 'whether its bytes cost: beside another path only commands go by it, and what that '
+                         'path cannot carry of the cheapest images', live=True),
+}
+"""Of each interface by which robot_sender reaches an operator with a master of its own."""
+
 OPERATOR_RECEIVER = {
     'streams_file': _STREAMS_FILE,
     'max_datagram_size': Parameter(1472, 'byte', 'longest datagram that is accepted', least=256, most=65507),
     'receive_buffer': Parameter(4 << 20, 'byte', 'socket receive buffer of each stream; the kernel limits it to '
                                 'net.core.rmem_max', least=4096, most=1 << 30),
-    'robot': Parameter('', '', 'host:port of a robot with a master of its own, see its link_port; several of one robot '
-                       'in order of preference, separated by commas; empty: it shares this master'),
+    'robot': Parameter('', '', 'host:port of a robot with a master of its own, see its link_port, or '
+                       'host%interface:port; several of one robot in order of preference, separated by commas; empty: '
+                       'it shares this master'),
     'key_file': _KEY_FILE,
     'wifi_interface': _WIFI_INTERFACE,
     'dscp': _DSCP,
@@ -216,8 +227,8 @@ TELEOP_KEYBOARD = {
                              'a held key after 0.25 to 0.66 s', least=0.1, most=10.0),
 }
 
-NODES = {'robot_sender': ROBOT_SENDER, 'operator_receiver': OPERATOR_RECEIVER, 'operator_web': OPERATOR_WEB,
-         'operator_desk': OPERATOR_DESK,
+NODES = {'robot_sender': ROBOT_SENDER, 'robot_sender/path_INTERFACE': PATH,
+         'operator_receiver': OPERATOR_RECEIVER, 'operator_web': OPERATOR_WEB, 'operator_desk': OPERATOR_DESK,
          'simulated_robot': SIMULATED_ROBOT, 'demo_report': DEMO_REPORT,
          'demo_robots': DEMO_ROBOTS, 'black_box': BLACK_BOX, 'teleop_keyboard': TELEOP_KEYBOARD}
 """{node: its table}"""

@@ -44,11 +44,11 @@ from .focus import FocusControl
 from .held_reports import HeldReports
 from .level_frame import TransformLookup
 from .link_control import LinkControl, SharedController
-from .metered import Metered
 from .namesake import wait_until_free
 from .opened import Opened, open_until_end
 from .outbox import Outbox
 from .parameters import ROBOT_SENDER
+from .path_settings import PathSettings
 from .problems import Problems
 from .relay_stream import RelayStream
 from .reliable_link import ReliableLink
@@ -140,12 +140,13 @@ def run_streams(opened: Opened) -> Tuple[Dict[str, RobotStream], Dict[str, Any]]
         control = opened.add(RobotControl(transport, outbox))
         reliable = opened.add(ReliableLink(transport, ROBOT, outbox))
         way_back = WayBack(ROBOT, definitions, RobotWay(transport, control, reliable), parameters)
-        metered = Metered(parameters['metered'], (parameters['metered_rate'] or math.inf) * MBIT, problems.report)
+        paths = PathSettings(parameters['metered'], parameters['metered_rate'], problems.report)
         rate = opened.add(LinkControl(shared, link, streams, control.reported, parameters['wifi_interface'],
-                                      metered.mark, captures.demands))
+                                      paths.mark, captures.demands))
         stores = {name: stream.settings for name, stream in streams.items()}
-        opened.add(FocusControl({**stores, **way_back.stores}, profiles, transport.own_masters, reliable, rate,
-                                control, found, problems.report))
+        focus_control = opened.add(FocusControl({**stores, **way_back.stores}, profiles, transport.own_masters,
+                                                reliable, rate, control, found, problems.report))
+        paths.serve(focus_control.add)
         reliable.start()
         opened.add(ClockServer(transport))
         opened.add(HeldReports(streams, transport))

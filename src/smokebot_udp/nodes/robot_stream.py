@@ -253,7 +253,8 @@ class RobotStream(rospy.SubscribeListener):
         return Demand([OperatingPoint(point.settings, expansion * point.cost) for point in points],
                       requested['weight'], requested['min_bitrate'] * KBIT, rate,
                       lambda point, spare: self.encoder.refine(point, spare / expansion),
-                      self.WHOLE, expansion * self._encoded.wished) if points else None
+                      self.WHOLE, self.encoder.traits.traffic == traffic.IMAGES,
+                      expansion * self._encoded.wished) if points else None
 
     def stats(self) -> StreamStats:
         """What the stream does and did, for diagnostics."""

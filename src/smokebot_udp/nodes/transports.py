@@ -83,7 +83,7 @@ def operator_transport(parameters: Parameters) -> Transport:
         _check_link(robot, 'robot')
         addresses = addresses_in(robot)
         if not os.path.lexists(path):
-            source = 'USER@%s:%s' % (addresses[0][0], DEFAULT_KEY_FILE[2:])
+            source = 'USER@%s:%s' % (addresses[0][0].partition('%')[0], DEFAULT_KEY_FILE[2:])
             raise ValueError(NO_KEY % (path, copy_command(source, path)))
         key = KeyFile(path, log_error('', ERROR_PERIOD))
         foreign = foreign_master(rosgraph.get_master_uri() or '', robot, _is_registered(ROBOT), is_own, addresses_of)
@@ -121,7 +121,7 @@ def foreign_master(uri: str, robot: str, is_robots: bool, is_own: Callable[[str]
     host = urllib.parse.urlsplit(uri).hostname or ''
     if not is_robots and (not host or is_own(host)):
         return None
-    hosts = [one for one, _ in addresses_in(robot)]
+    hosts = [one.partition('%')[0] for one, _ in addresses_in(robot)]
     is_robots = is_robots or host in hosts or any(addresses_of(host) & addresses_of(one) for one in hosts)
     return FOREIGN % (uri, "the robot's own master" if is_robots else "another machine's master", robot)
 
@@ -142,7 +142,7 @@ def _remarked(transport: LinkTransport) -> LinkTransport:
 
 
 def addresses_in(text: str) -> List[Tuple[str, int]]:
-    """The parts of HOST:PORT,HOST:PORT..., at least one.
+    """The parts of HOST:PORT,HOST%INTERFACE:PORT..., at least one.
 
     :raises ValueError: where it is not that, or one stands twice, or there are more than MAX_PATHS
     """
@@ -156,15 +156,16 @@ def addresses_in(text: str) -> List[Tuple[str, int]]:
 
 
 def host_and_port(text: str) -> Tuple[str, int]:
-    """The parts of HOST:PORT.
+    """The parts of HOST:PORT; the host may have an interface.
 
     :raises ValueError: where it is not that
     """
     host, colon, port = text.rpartition(':')
     if ':' in host:
         raise ValueError('robot is %r: the link uses IPv4 only, give an IPv4 address or a name that has one' % text)
-    if not (host and colon and port.isascii() and port.isdigit() and 0 < int(port) < 65536):
-        raise ValueError('robot is %r, must be HOST:PORT, such as 10.0.0.7:17001' % text)
+    is_port = port.isascii() and port.isdigit() and 0 < int(port) < 65536
+    if not is_port or not colon or not host or host[0] == '%' or host[-1] == '%':
+        raise ValueError('robot is %r, must be HOST:PORT, such as 10.0.0.7:17001 or 10.0.0.7%%wwan0:17001' % text)
     return host, int(port)
 
 
