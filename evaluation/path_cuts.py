@@ -18,7 +18,8 @@ from typing import Any, Dict, List, Sequence
 import numpy as np
 
 from smokebot_udp.demo.link import FIRST_OF_TWO, SECOND_OF_TWO
-from smokebot_udp.link_lab.second_link import SECOND, second_lab
+from smokebot_udp.link_lab.lab import ADDRESSES as HOSTS
+from smokebot_udp.link_lab.second_link import SECOND, SECOND_DEVICE, second_lab
 
 from .listener import Heard, Listener
 from .own_masters import PORT, ROBOT, OwnMasters
@@ -41,16 +42,21 @@ class PathCuts(Started):
     :param addresses: of the robot
     :param loss: of both links
     :param sender: arguments of robot_sender
+    :param one_address: whether the desk has one address for both links, as in a network behind a router
     :raises LabError: as Lab
     """
 
     def __init__(self, addresses: Sequence[str] = ADDRESSES, loss: float = 0.0, log: Any = None,
-                 sender: Sequence[str] = ()) -> None:
+                 sender: Sequence[str] = (), one_address: bool = False) -> None:
         super().__init__()
         with self.starting():
             self.stack = self.enter_context(OwnMasters(7, log))
             self.second = self.enter_context(second_lab(self.stack.lab, 8))
             self.first, self.other = {**FIRST_OF_TWO, 'loss': loss}, {**SECOND_OF_TWO, 'loss': loss}
+            if one_address:
+                desk = HOSTS['operator']
+                self.stack.ip('operator', 'route replace %s dev %s src %s' % (SECOND['robot'], SECOND_DEVICE, desk))
+                self.stack.ip('robot', 'route add %s dev %s metric 100' % (desk, SECOND_DEVICE))
             self.stack.lab.set(self.first)
             self.second.set(self.other)
             self.stack.start_node('robot', 'simulated_robot', '_width:=320', '_height:=240')

@@ -10,7 +10,7 @@ NO_LIMITS: Mapping[str, int] = MappingProxyType({})
 class PathPolicy(NamedTuple):
     """How a path may be used."""
     max_rate: float = math.inf
-    """Of all streams by it [byte/s]."""
+    """What all streams may take of it [byte/s]."""
     weight: float = 1.0
     """The part of its capacity that streams take, 0..1: others may need the rest."""
     metered: bool = False

@@ -7,6 +7,7 @@ evaluation/path_cuts.py measures how fast; bounds are wide here.
 import pathlib
 import sys
 import unittest
+from typing import Any
 
 import rostest
 
@@ -16,7 +17,7 @@ from waiting import give_time, undisturbed, wait_for
 
 from evaluation.listener import Listener
 from evaluation.path_cuts import ADDRESSES, COMMAND, SETTLED, TOPICS, PathCuts, longest_gap
-from smokebot_udp.link_lab.lab import LabError
+from smokebot_udp.link_lab.lab import DEVICE, LabError
 from smokebot_udp.link_lab.second_link import SECOND_DEVICE
 
 CUT = 3.0
@@ -35,10 +36,10 @@ MIN_SHARED = 10000.0
 
 class TwoPaths(unittest.TestCase):
 
-    def start(self, *sender: str) -> None:
+    def start(self, *sender: str, **options: Any) -> None:
         """Start the nodes, robot_sender with these arguments."""
         try:
-            self.run_ = PathCuts(sender=sender)
+            self.run_ = PathCuts(sender=sender, **options)
         except LabError as error:
             raise unittest.SkipTest(str(error)) from None
         self.addCleanup(self.run_.close)
@@ -63,12 +64,43 @@ class TwoPaths(unittest.TestCase):
         self.assertEqual(self.used(), ADDRESSES[1])
         wait_for(lambda: self.used() == ADDRESSES[0], 30, 'the preferred path again')
         self.assertEqual(set(TOPICS), set(self.run_.operator.first(TOPICS, 10.0)))
+        part, stack = '/robot_sender/path_' + SECOND_DEVICE, self.run_.stack
+        stack.set_parameter(part + '/metered', False)
+        self.wait_for_spreading()
+        stack.lab.run('robot', ['rosrun', 'dynamic_reconfigure', 'dynparam', 'set', part, 'metered', 'true'],
+                      env=stack.environment('robot'), check=True)
+        wait_for(lambda: self.run_.idle_rate(1.0) < MAX_DRIVEN, 30, 'only commands on the second path')
+
+    @undisturbed()
+    def test_a_desk_with_one_address_is_reached_by_both_interfaces(self) -> None:
+        """The robot's routes know one of them; it answers by the one by which it was asked."""
+        self.start(one_address=True)
+        self.wait_for_spreading()
+        for topic, heard in self.run_.cut(CUT).items():
+            if topic != COMMAND:
+                self.assertLess(longest_gap(heard), MAX_GAP, topic)
+
+    @undisturbed()
+    def test_one_address_is_asked_by_two_interfaces(self) -> None:
+        host, port = ADDRESSES[0].split(':')
+        ways = ['%s%%%s:%s' % (host, device, port) for device in (DEVICE, SECOND_DEVICE)]
+        self.start(addresses=ways)
+        self.wait_for_spreading()
+        for topic, heard in self.run_.cut(CUT).items():
+            if topic != COMMAND:
+                self.assertLess(longest_gap(heard), MAX_GAP, topic)
+        said = [heard.amount['connected to'] for heard in self.diagnostics.heard if heard.amount]
+        self.assertIn('by ' + DEVICE, said[-1])
+        self.assertIn('by ' + SECOND_DEVICE, said[-1])
+
+    def wait_for_spreading(self) -> None:
+        wait_for(lambda: self.used() == ADDRESSES[0], 30, 'the preferred path')
+        wait_for(lambda: self.run_.idle_rate(1.0) > MIN_SHARED, 30, 'streams on the second path')
 
     @undisturbed()
     def test_streams_are_spread_over_both_paths(self) -> None:
         self.start()
-        wait_for(lambda: self.used() == ADDRESSES[0], 30, 'the preferred path')
-        wait_for(lambda: self.run_.idle_rate(1.0) > MIN_SHARED, 30, 'streams on the second path')
+        self.wait_for_spreading()
         for topic, heard in self.run_.cut(CUT).items():
             if topic != COMMAND:
                 self.assertLess(longest_gap(heard), MAX_GAP, topic)

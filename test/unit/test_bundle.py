@@ -196,7 +196,7 @@ def test_a_path_may_be_used_in_part_and_up_to_a_rate() -> None:
     robot.drive(1.0, limited)
     went = [count * SIZE / 4 for count in robot.drive(4.0, limited)]
     assert went[0] == pytest.approx(MBIT, rel=0.1) and 0.15 * MBIT < went[1] <= 0.25 * MBIT
-    assert robot.controller.stats(robot.now).capacity == pytest.approx(1.25 * MBIT, rel=0.1)
+    assert 0.95 * MBIT < robot.controller.stats(robot.now).capacity < 1.3 * MBIT        # see LATE
 
 
 def test_who_lost_one_of_two_paths_is_reached_over_the_other_one_only() -> None:

@@ -4,8 +4,8 @@
 The thread receives, opens and hands on; it also sends what the core and the tables of topics want sent. Publishers send
 from their own threads, by the same socket: sending never waits for receiving.
 
-The socket is bound to no interface and not connected: when the machine's address or route changes, packets leave by the
-new one. What cannot be sent is counted, and tried again by whoever repeats it.
+The socket is bound to no interface and not connected: each packet leaves as its place says, see place.py. What cannot
+be sent is counted, and tried again by whoever repeats it.
 """
 import collections
 import threading

@@ -81,7 +81,7 @@ PATH = {
     'metered': Parameter(False, '', 'whether its bytes cost: beside another path only commands go by it, and what that '
                          'path cannot carry of the cheapest images', live=True),
 }
-"""Of each interface by which robot_sender reaches an operator with a master of its own."""
+"""Each interface has them by which robot_sender reaches an operator with a master of its own."""
 
 OPERATOR_RECEIVER = {
     'streams_file': _STREAMS_FILE,
