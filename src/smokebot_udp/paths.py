@@ -29,6 +29,11 @@ class PathUse(NamedTuple):
     interface: str = ''
     """By which interface of this machine it goes; empty: unknown."""
 
+    @property
+    def name(self) -> str:
+        """As people know it."""
+        return self.interface or self.host
+
 
 class Route(NamedTuple):
     """Who gets what of some datagrams that leave together, and by which path."""

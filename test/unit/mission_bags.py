@@ -18,7 +18,7 @@ from sensor_msgs.msg import Image
 from std_msgs.msg import Float32, Float64, Header, String
 
 from smokebot_udp.mission_report.record import LOAD_PERIOD
-from smokebot_udp.msg import LinkStatus, RobotStatus, StreamStatus
+from smokebot_udp.msg import LinkStatus, PathStatus, RobotStatus, StreamStatus
 
 START, DURATION, OFFSET, DELAY = 1000.0, 20.0, 3.0, 0.2
 CUT = 8.0, 12.0
@@ -59,7 +59,8 @@ def status(time: float, focus: str, driver: str, estop: bool, enabled: bool = Tr
 def link(time: float) -> Tuple[str, Any, float]:
     return TOPICS['robot']['link'], LinkStatus(
         header=header(START + time), rate=4.0, sent=2.0, capacity=8.0, loss=0.25, queue_delay=0.05,
-        round_trip=0.1), START + time
+        round_trip=0.1, paths=[PathStatus('wlan0', 1.5, 6.0, 0.2, 0.05), PathStatus('wwan0', 0.5, 2.0, 0.3, 0.05)]
+        if time >= 10 else []), START + time
 
 
 def robot() -> Messages:

@@ -209,6 +209,9 @@ def test_who_lost_one_of_two_paths_is_reached_over_the_other_one_only() -> None:
             (8.0, [wifi, lte._replace(policy=PathPolicy(metered=True))], '')]:
         bundle.follow(used, second)
         assert bundle.only == only, second
+    bundle.follow([wifi, lte], 8.5)
+    assert [path.name for path in bundle.shares(0.0)] == ['wlan0', '100.64.0.9']
     bundle.on_return(9.0)       # it may have been started with one
+    assert bundle.shares(0.0) == []
     bundle.follow([wifi], 9.0)
     assert bundle.only == ''

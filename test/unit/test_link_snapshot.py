@@ -20,7 +20,8 @@ def test_robots_and_operators_are_apart() -> None:
     assert (robot['node'], robot['level'], robot['problems'], robot['control']) == (
         '/robot_sender', 'WARN', ['emergency stop'], 'EMERGENCY STOP')
     assert robot['link'] == {'state': 'as /op reports', 'rate_mbit': 5.0, 'sent_mbit': 4.4, 'wanted_mbit': 77.0,
-                             'capacity_mbit': None, 'loss': 0.05, 'queue_delay': 0.014, 'round_trip': None}
+                             'capacity_mbit': None, 'loss': 0.05, 'queue_delay': 0.014, 'round_trip': None,
+                             'paths': {}}
     assert robot['wifi'] == {
         'interface': 'wlan0', 'ssid': 'net', 'signal_dbm': -60.0, 'noise_dbm': None, 'tx_bitrate_mbit': 65.0,
         'rx_bitrate_mbit': 6.5, 'retries': 12.0, 'failed': None, 'beacon_loss': None}

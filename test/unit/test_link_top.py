@@ -11,7 +11,7 @@ from smokebot_udp.monitoring.link_board import DIAGNOSTICS, MAX_NODES, STALE_AFT
 from smokebot_udp.monitoring.link_snapshot import snapshot
 from smokebot_udp.monitoring.link_table import offset_text, render
 from smokebot_udp.monitoring.status import LEVELS, Kind, Status, printable
-from smokebot_udp.msg import LinkStatus, RobotStatus, StreamStatus, WifiStatus
+from smokebot_udp.msg import LinkStatus, PathStatus, RobotStatus, StreamStatus, WifiStatus
 from smokebot_udp.nodes.status_messages import relayed_diagnostics, relayed_link, relayed_streams, statuses_of
 
 
@@ -358,6 +358,13 @@ def test_the_link_s_line() -> None:
     texts = shown([known])
     assert texts[1] == ('OK     link: 4.4 of 4.8 Mbit/s sent, 77.6 wanted, 5.0 carried; queue 14 ms, loss 5 %, '
                         'round trip - ms; as /op reports')
+    paths = [PathStatus('wlan0', 1.0, 2.0, 0.05, 0.01), PathStatus('ww\nan0', 0.25, 1.0, 0.0, 0.0)]
+    both = LinkStatus(state='as /op reports', paths=paths + [PathStatus()] * 1000)
+    board = Board()
+    board.add_relayed('/op', 'link', relayed_link(both), 0.0)
+    text = '\n'.join(lines(board, 0.0))
+    assert ('; by wlan0 1.00 of 2.00 Mbit/s sent, loss 5 %; by ww?an0 0.25 of 1.00 Mbit/s sent, loss 0 %; '
+            'as /op reports') in text
     silent = status('link', 'robot_node: link control', 1, 'no reports', side='robot', state='no reports')
     texts = shown([silent], now=STALE_AFTER + 1)
     assert texts[1].startswith('STALE  link: - of') and texts[1].endswith('silent for 4 s')

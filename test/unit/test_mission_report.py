@@ -122,6 +122,7 @@ def test_the_streams_in_numbers(page: Page) -> None:
 
 def test_the_summary(page: Page) -> None:
     for name, value in {'duration': '19.9 s', 'distance driven': '4.0 m', 'sent, mean': '2.00 Mbit/s',
+                        'sent by wlan0': '1.7 MB', 'sent by wwan0': '0.6 MB',
                         'capacity, mean': '8.00 Mbit/s', 'packet loss, mean': '25.0 %',
                         'queue of the link, mean': '50 ms', 'round trip, mean': '100 ms',
                         "the robot's clock minus the operator's": '3.000 s', 'emergency stop engaged': '2.0 s',
@@ -183,7 +184,7 @@ def test_the_film_strip_shows_what_cameras_publish(tmp_path: pathlib.Path, sourc
 
 def test_every_plot_is_an_image(page: Page) -> None:
     plots = [data for name, data in page.pictures if not name.startswith('thermal')]
-    assert len(plots) == 6
+    assert len(plots) == 7
     for data in plots:
         assert cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR) is not None
 

@@ -16,7 +16,7 @@ from smokebot_udp.monitoring.node_status import (
     robot_control_status,
     transport_status,
 )
-from smokebot_udp.monitoring.stats import LinkStats
+from smokebot_udp.monitoring.stats import LinkStats, PathRates
 from smokebot_udp.monitoring.status import ERROR, OK, ROBOT, WARN, Status, Verdict
 from smokebot_udp.monitoring.thresholds import Thresholds
 from smokebot_udp.nodes.status_messages import as_message, statuses_of
@@ -68,6 +68,10 @@ def test_the_link_s_status() -> None:
     assert (holed.level, holed.message) == (
         WARN, 'no reports of /op for 2.0 s, datagrams above 1172 bytes do not pass')
     assert holed.values['longest datagram [byte]'] == 1172
+    two = dataclasses.replace(stats, paths=[PathRates('wlan0', MBIT, 2 * MBIT, 0.05, 0.01),
+                                            PathRates('10.1.0.9', 0.25 * MBIT, math.nan, math.nan, math.nan)])
+    assert {name: value for name, value in link_status(two).values.items() if name.startswith('by ')} == {
+        'by wlan0': '1.00 of 2.00 Mbit/s sent, loss 5 %', 'by 10.1.0.9': '0.25 of nan Mbit/s sent, loss nan %'}
     lone = dataclasses.replace(stats, only='wwan0')
     assert (link_status(lone).level, link_status(lone).message) == (WARN, 'as /op reports, over wwan0 only')
     fixed = link_status(dataclasses.replace(stats, adaptive=False, rate=None, timeout=True))

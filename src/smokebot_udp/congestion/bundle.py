@@ -17,6 +17,7 @@ import math
 from dataclasses import replace
 from typing import Any, List, Optional, Sequence, Tuple
 
+from ..monitoring.stats import PathRates
 from ..monitoring.windows import Rate
 from ..newest import Newest
 from ..paths import PathUse
@@ -68,6 +69,8 @@ class _Path:
     def __init__(self, key: Any, reader: FeedbackReader, known: _Estimate, since: float) -> None:
         self.key, self.reader, self.known, self.estimator = key, reader, known, known.estimator
         self._shift = 0 if known.total is None else known.total - reader.sent.total
+        self.name = ''
+        """The interface, or the operator's host."""
         self.since = since
         """What was sent earlier says nothing about it; -inf: all says something [s]."""
         self.weight, self.max_rate = 1.0, math.inf
@@ -96,7 +99,12 @@ class _Path:
     def poll(self, now: float) -> None:
         """See Estimator.poll."""
         self._sent.read(self.total, now)
-        self.estimator.poll(now, self._sent.per_second or 0.0)
+        self.estimator.poll(now, self.sent)
+
+    @property
+    def sent(self) -> float:
+        """What was sent by it lately, where there are two [byte/s]."""
+        return self._sent.per_second or 0.0
 
     def read(self, report: Any, now: float) -> Optional[Feedback]:
         """What a report says about the path; None: nothing, or it is not believed."""
@@ -155,7 +163,7 @@ class Bundle:
         """Use these paths from now on, one or two; the second one where it is not silent."""
         alone = len(used) == 1 or used[1].silence >= SILENCE
         self._has_two |= not alone
-        self.only = (used[0].interface or used[0].host) if self._has_two and alone else ''
+        self.only = used[0].name if self._has_two and alone else ''
         used = [used[0], *(one for one in used[1:2] if self._is_useful(one, used[0], now))]
         first = self._paths[0]
         if first.key is None:
@@ -170,7 +178,7 @@ class Bundle:
             self._train_left = 0.0
         for path, one in zip(self._paths, used):
             path.heard, path.weight = max(path.heard, now - one.silence), one.policy.weight
-            path.max_rate = one.policy.max_rate
+            path.name, path.max_rate = one.name, one.policy.max_rate
             if one.policy.metered and len(used) > 1:
                 needed = self.base if self._lacks(used[0] if path is self._paths[1] else used[1]) else TRICKLE
                 path.max_rate = min(path.max_rate, needed)
@@ -260,6 +268,18 @@ class Bundle:
             return replace(links[0], capacity=self.capacity)
         loss = sum(link.loss * link.capacity for link in links) / sum(link.capacity for link in links)
         return replace(links[0], capacity=self.capacity, loss=loss, queue_delay=max(link.queue_delay for link in links))
+
+    def shares(self, sent: float) -> List[PathRates]:
+        """What is known of each path; empty: there was always one.
+
+        :param sent: by all together [byte/s]
+        """
+        if not self._has_two:
+            return []
+        alone = len(self._paths) == 1
+        links = [path.estimator.link for path in self._paths]
+        return [PathRates(path.name, sent if alone else path.sent, path.capacity, link.loss, link.queue_delay)
+                for path, link in zip(self._paths, links)]
 
     @property
     def timed_out(self) -> bool:

@@ -290,6 +290,7 @@ class Controller:
         link = state.paths.link
         return replace(stats, capacity=link.capacity, loss=link.loss, queue_delay=link.queue_delay,
                        round_trip=link.round_trip, operator=name, only=state.paths.only, silence=now - state.heard,
+                       paths=state.paths.shares(stats.sent),
                        timeout=self._adapt and state.paths.timed_out,
                        slower={other: slow.paths.rate for other, slow in counting
                                if self._adapt and not slow.near and other != name})

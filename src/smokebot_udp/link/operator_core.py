@@ -406,7 +406,7 @@ class OperatorCore(LinkCore):
         elif now - since < REFUSAL_COUNTS:
             self.problem = refusal
         else:
-            self.problem = NO_ANSWER + ' or '.join('%s:%d' % address_of(place) for place in self._places)
+            self.problem = NO_ANSWER + ' or '.join(dict.fromkeys('%s:%d' % address_of(place) for place in self._places))
 
     def _leave(self, peer: Peer, reason: str) -> None:
         super()._leave(peer, reason)

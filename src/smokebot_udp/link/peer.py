@@ -4,17 +4,18 @@
 A Peer is one run (instance) of the other side's process. It outlives sessions and addresses: new keys and a new address
 change it in place. Another run is another Peer, with a higher number.
 """
+import collections
 import math
 import threading
 from dataclasses import dataclass
-from typing import Dict, Optional, Tuple, Union
+from typing import Counter, Dict, Optional, Tuple, Union
 
 import numpy as np
 
 from ..arrays import IntArray, UInt8Array
 from ..newest import Newest
 from .packets import Reason
-from .place import Address, Place, address_of, interface_of
+from .place import Address, Place, address_of, interface_of, path_of
 from .session import Session
 
 Carried = Dict[Tuple[str, str], int]
@@ -52,7 +53,7 @@ class Peer:
         """Round-trip time of the latest handshake, including the other side's reaction [s]."""
         self._session = session
         self._sealed = 0    # by former sessions
-        self._carried: Newest[Tuple[str, str], int] = Newest(MAX_HOSTS)
+        self._carried: Newest[Place, int] = Newest(MAX_HOSTS)
         self._counting = threading.Lock()
 
     @property
@@ -74,14 +75,18 @@ class Peer:
     def carried(self) -> Carried:
         """What was sent to it, IP and UDP headers included; any thread."""
         with self._counting:
-            return dict(self._carried)
+            carried = dict(self._carried)
+        found: Counter[Tuple[str, str]] = collections.Counter()
+        for place, size in carried.items():     # interfaces that are gone have no name
+            found[address_of(place)[0], interface_of(place)] += size
+        return found
 
     def count(self, place: Place, size: int) -> None:
         """Count what was sent to it; any thread.
 
         :param size: IP and UDP headers included [byte]
         """
-        path = address_of(place)[0], interface_of(place)
+        path = path_of(place)
         with self._counting:
             self._carried[path] = self._carried.get(path, 0) + size
 

@@ -35,6 +35,11 @@ def interface_of(place: Place) -> str:
     return interface_name(place.via.interface)
 
 
+def path_of(place: Place) -> Place:
+    """What identifies the path to a place: behind a NAT its port may change."""
+    return Place(place.number, 0, Via(place.via.interface))
+
+
 def place_at(address: Address, interface: int = 0) -> Place:
     """The place of a dotted address and a port.
 

@@ -32,7 +32,7 @@ from .operator_core import NO_ANSWER, OperatorCore
 from .packets import OVERHEAD, encode_name
 from .peer import Carried, Delivery, Event, Joined, Left, Moved, Peer, Refused
 from .peer_topics import KINDS, PeerTopics
-from .place import Address, Place, address_of, interface_of, place_at
+from .place import Address, address_of, interface_of, path_of, place_at
 from .resolver import Resolver
 from .robot_core import RobotCore
 from .robot_paths import SHARED_FOR
@@ -179,10 +179,10 @@ class LinkTransport:
         found: Dict[str, Sequence[PathUse]] = {}
         for topics in self._peers.values():
             peer = topics.peer
-            first = PathUse(_path(peer.place), host=peer.address[0], interface=interface_of(peer.place))
+            first = PathUse(path_of(peer.place), host=peer.address[0], interface=interface_of(peer.place))
             found[peer.name] = [first]
             if peer.second is not None:
-                key = peer.second if _path(peer.second) == first.key else _path(peer.second)
+                key = peer.second if path_of(peer.second) == first.key else path_of(peer.second)
                 found[peer.name] = [first, PathUse(key, now - peer.second_heard, address_of(peer.second)[0],
                                                    interface=interface_of(peer.second))]
         return found
@@ -333,11 +333,6 @@ class LinkTransport:
             if untold is not None and self._report_budget.take(now):
                 self._told.add((number, untold))
                 self._report(sentences[untold])
-
-
-def _path(place: Place) -> Tuple[int, int]:
-    """What identifies the path to a place: behind a NAT its port may change."""
-    return place.number, place.via.interface
 
 
 def shares(total: int, weights: Sequence[int]) -> List[int]:

@@ -82,6 +82,7 @@ def _summary(mission: Mission) -> str:
     part = _part(mission)
     rows += [['distance driven' + part, _number(driven, '%.1f m')],
              ['sent, mean', _number(means['sent'], '%.2f Mbit/s')],
+             *(['sent by ' + name, '%.1f MB' % total] for name, total in summary.sent_by_path(mission).items()),
              ['capacity, mean', _number(means['capacity'], '%.2f Mbit/s')],
              ['packet loss, mean', _number(means['loss'], '%.1f %%', 100.0)],
              ['queue of the link, mean', _number(means['queue_delay'], '%.0f ms', 1e3)],

@@ -3,7 +3,7 @@
 import functools
 import io
 import math
-from typing import Any, Callable, Dict, List, Sequence, Tuple
+from typing import Any, Callable, Dict, List, Mapping, Sequence, Tuple
 
 import numpy as np
 
@@ -11,7 +11,7 @@ from ..arrays import FloatArray
 from . import summary
 from .mission import Interval, Mission, rate
 from .page import Picture, time_text
-from .record import OPERATOR, ROBOT, LinkState
+from .record import OPERATOR, ROBOT
 
 BINS = 300
 """Bins of a plot: a mission of any length has a plot of bounded size."""
@@ -78,6 +78,8 @@ def draw(mission: Mission) -> List[Picture]:
     if mission.links:
         found += [plot(caption, functools.partial(_link, mission=mission, unit=unit, fields=fields))
                   for caption, unit, fields in LINK_PLOTS]
+        if any(link.by_path for link in mission.links):
+            found.append(plot('What was sent by each of two paths.', lambda axes: _paths(axes, mission)))
     return found
 
 
@@ -159,15 +161,22 @@ def binned(times: FloatArray, values: FloatArray, width: float) -> Tuple[FloatAr
 
 def _link(axes: Any, mission: Mission, unit: str, fields: Dict[str, float]) -> None:
     """Some fields of LinkStatus, with their factors to the unit."""
+    _curves(axes, mission, unit, {field.replace('_', ' '): [factor * getattr(link, field) for link in mission.links]
+                                  for field, factor in fields.items()})
+
+
+def _paths(axes: Any, mission: Mission) -> None:
+    names = sorted({name for link in mission.links for name in link.by_path})
+    _curves(axes, mission, 'Mbit/s', {name: [link.by_path.get(name, 0.0) for link in mission.links] for name in names})
+
+
+def _curves(axes: Any, mission: Mission, unit: str, curves: Mapping[str, Sequence[float]]) -> None:
+    """{label: value of each LinkStatus}, NaN where it is unknown."""
     times = np.array([link.time for link in mission.links]) - mission.span[0]
-    for (field, factor), colour in zip(fields.items(), COLOURS):
-        values = np.array(_values(mission.links, field)) * factor
+    for (label, found), colour in zip(curves.items(), COLOURS):
+        values = np.array(found)
         known = np.isfinite(values)
         middles, groups = binned(times[known], values[known], _width(mission))
-        axes.plot(middles, [group.mean() for group in groups], color=colour, label=field.replace('_', ' '))
+        axes.plot(middles, [group.mean() for group in groups], color=colour, label=label)
     axes.set_ylabel(unit)
     axes.set_ylim(bottom=0.0)
-
-
-def _values(links: Sequence[LinkState], field: str) -> List[float]:
-    return [getattr(link, field) for link in links]

@@ -3,6 +3,7 @@
 import array
 import json
 import math
+from types import MappingProxyType
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Tuple
 
 import numpy as np
@@ -57,6 +58,8 @@ class LinkState(NamedTuple):
     loss: float
     queue_delay: float
     round_trip: float
+    by_path: Mapping[str, float] = MappingProxyType({})
+    """{path: what is sent by it}, where there are two."""
 
 
 class Track:
@@ -140,7 +143,8 @@ class MissionRecord:
         """A LinkStatus."""
         time = message.header.stamp.to_sec()
         self.links[side][time] = LinkState(time, message.rate, message.sent, message.capacity, message.loss,
-                                           message.queue_delay, message.round_trip)
+                                           message.queue_delay, message.round_trip, {
+                                               path.name: path.sent for path in getattr(message, 'paths', ())})
 
     def add_place(self, side: str, time: float, message: Any) -> None:
         """A nav_msgs/Odometry; of those that show no motion one is kept."""

@@ -13,6 +13,9 @@ from .record import OPERATOR, ROBOT, SIDES
 NUMBER = re.compile(r'[0-9.]+')
 """In the state of a control that counts: `the robot was not heard for 2.1 s`."""
 
+LINK_PERIOD = 2.0
+"""Twice the longest time between two LinkStatus while the robot runs [s]."""
+
 SAME = 10.0
 """What comes again within this time has the same cause [s]."""
 
@@ -75,6 +78,15 @@ def link_means(mission: Mission) -> Dict[str, Optional[float]]:
         values = [value for value in (getattr(link, field) for link in mission.links) if math.isfinite(value)]
         means[field] = sum(values) / len(values) if values else None
     return means
+
+
+def sent_by_path(mission: Mission) -> Dict[str, float]:
+    """{path: what streams sent by it [MB]}, where there were two; while no LinkStatus was recorded nothing counts."""
+    total: Dict[str, float] = {}
+    for link, later in zip(mission.links, mission.links[1:]):
+        for name, sent in link.by_path.items():
+            total[name] = total.get(name, 0.0) + sent / 8 * min(later.time - link.time, LINK_PERIOD)
+    return total
 
 
 def focuses(mission: Mission) -> List[Interval]:

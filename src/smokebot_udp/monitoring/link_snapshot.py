@@ -7,7 +7,7 @@ import math
 from typing import Any, Dict, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 from .link_board import Board, robots_of
-from .node_status import peers_in
+from .node_status import BY, peers_in
 from .status import LEVELS, OPERATOR, ROBOT, STALE, TO_ROBOT, Kind, Status
 
 Tree = Dict[str, Any]
@@ -107,7 +107,10 @@ def _node(node: str, statuses: Sequence[Status]) -> Tree:
         transport['peers'] = peers_in(transport['connected_to'] or '')
         transport['dropped_by_reason'] = {key.partition(', ')[2]: _number(found[Kind.TRANSPORT], key)
                                           for key in found[Kind.TRANSPORT].values if key.startswith('dropped, ')}
-    own = {Kind.LINK: parts[Kind.LINK]} if statuses[0].side == ROBOT else {Kind.CLOCK: parts[Kind.CLOCK]}
+    link = parts[Kind.LINK]
+    if link is not None:
+        link['paths'] = {key[len(BY):]: text for key, text in found[Kind.LINK].values.items() if key.startswith(BY)}
+    own = {Kind.LINK: link} if statuses[0].side == ROBOT else {Kind.CLOCK: parts[Kind.CLOCK]}
     return {
         'node': node, 'level': LEVELS[max(status.level for status in statuses)],
         'problems': sorted({status.message for status in statuses

@@ -111,10 +111,11 @@ def _link(status: Tree, link: Optional[Tree], whose: str, plots: Plots) -> str:
     state = values.get('state') or message
     if status['level'] != 'OK':
         state = message if state in message else '; '.join((state, message))
-    return 'link%s: %s of %s Mbit/s sent, %s wanted, %s carried; queue %s ms, loss %s %%, round trip %s ms; %s' % (
+    return 'link%s: %s of %s Mbit/s sent, %s wanted, %s carried; queue %s ms, loss %s %%, round trip %s ms%s; %s' % (
         whose, plotted('sent_mbit', 1), number(values.get('rate_mbit'), 1), number(values.get('wanted_mbit'), 1),
         plotted('capacity_mbit', 1), plotted('queue_delay', 0, 1e3), plotted('loss', 0, 100.0),
-        number(values.get('round_trip'), 0, 1e3), state)
+        number(values.get('round_trip'), 0, 1e3),
+        ''.join('; by %s %s' % path for path in values.get('paths', {}).items()), state)
 
 
 def _clock(status: Tree, clock: Optional[Tree], whose: str, plots: Plots) -> str:

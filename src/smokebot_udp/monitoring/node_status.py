@@ -15,7 +15,15 @@ PEER = re.compile(r'(?P<name>\S+) at (?P<host>[^\s:]+):(?P<port>\d{1,5})(?: by (
                   r'(?:round trip (?P<round_trip>\d{1,9}) ms)?(?:, )?(?:[0-9.]{1,9} MB sent)?\))?', re.ASCII)
 """A peer in words, as `_peer` makes it."""
 
+BY = 'by '
+"""Before the name of a path, in the status of the link."""
+
 HOLE = 'datagrams above %d bytes do not pass'
+
+
+def path_text(sent: float, capacity: float, loss: float) -> str:
+    """One of two paths, in words [Mbit/s, Mbit/s, 0..1]."""
+    return '%.2f of %.2f Mbit/s sent, loss %.0f %%' % (sent, capacity, 100 * loss)
 
 
 def link_status(stats: LinkStats) -> Status:
@@ -30,6 +38,7 @@ def link_status(stats: LinkStats) -> Status:
         'sent [Mbit/s]': stats.sent / MBIT, 'wanted [Mbit/s]': stats.wanted / MBIT,
         'capacity [Mbit/s]': stats.capacity / MBIT, 'loss [%]': 100 * stats.loss,
         'queue delay [ms]': 1e3 * stats.queue_delay, 'round trip [ms]': 1e3 * stats.round_trip,
+        **{BY + path.name: path_text(path.sent / MBIT, path.capacity / MBIT, path.loss) for path in stats.paths},
         **hole, **{'rate for %s [Mbit/s]' % operator: rate / MBIT for operator, rate in sorted(stats.slower.items())},
         **{'reports refused, ' + reason: count for reason, count in sorted(stats.refused_reports.items())}})
 

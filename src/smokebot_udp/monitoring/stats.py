@@ -93,6 +93,20 @@ class StreamStats:
     """Time that its coding has taken so far [s]; messages are coded one after the other."""
 
 
+class PathRates(NamedTuple):
+    """One of two paths to an operator. NaN: unknown."""
+    name: str
+    """The robot's interface, or the operator's host."""
+    sent: float
+    """[byte/s]"""
+    capacity: float
+    """[byte/s]"""
+    loss: float
+    """Packet-loss ratio, 0..1."""
+    queue_delay: float
+    """[s]"""
+
+
 @dataclass(frozen=True)
 class LinkStats:
     """The link as the robot estimates it from the reports of its operators. Rates include IP and UDP headers.
@@ -125,6 +139,8 @@ class LinkStats:
     """Whether reports are missing, so that the rate falls where it is used."""
     only: str = ''
     """The path by which it is reached, where there were two: an interface, or a host; empty: by all that there were."""
+    paths: Sequence[PathRates] = ()
+    """Those that are in use, where there were two."""
     slower: Dict[str, float] = field(default_factory=dict)
     """{operator with a slower link: its part of the rate [byte/s]}; it gets a part of the datagrams."""
     refused_reports: Dict[str, int] = field(default_factory=dict)

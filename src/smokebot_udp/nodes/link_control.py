@@ -17,7 +17,7 @@ from ..congestion.estimator import REPORT_INTERVAL
 from ..congestion.packet_scheduler import PacketScheduler
 from ..monitoring.stats import LinkStats
 from ..monitoring.wifi import WifiState
-from ..msg import LinkReport, LinkStatus, WifiStatus
+from ..msg import LinkReport, LinkStatus, PathStatus, WifiStatus
 from ..paths import STRAIGHT, PathUse, Route
 from ..streams.outlook import Outlook, Rooms, StreamLosses
 from ..units import MBIT
@@ -217,4 +217,6 @@ def as_message(stats: LinkStats, wifi: WifiState) -> LinkStatus:
         state=stats.state, rate=(stats.rate or 0.0) / MBIT, sent=stats.sent / MBIT, wanted=stats.wanted / MBIT,
         capacity=stats.capacity / MBIT, loss=stats.loss, queue_delay=stats.queue_delay, round_trip=stats.round_trip,
         longest_datagram=stats.longest or 0,
+        paths=[PathStatus(path.name, path.sent / MBIT, path.capacity / MBIT, path.loss, path.queue_delay)
+               for path in stats.paths],
         wifi=WifiStatus(**dataclasses.asdict(wifi)))

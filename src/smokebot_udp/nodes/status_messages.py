@@ -10,7 +10,7 @@ from typing import Any, Callable, Dict, Iterable, List
 from diagnostic_msgs.msg import DiagnosticArray, DiagnosticStatus, KeyValue
 
 from ..mission.parameters import EXCHANGES
-from ..monitoring.node_status import HOLE, control_text
+from ..monitoring.node_status import BY, HOLE, control_text, path_text
 from ..monitoring.stats import PAUSED, PROBLEM
 from ..monitoring.status import LEVELS, OK, OPERATOR, ROBOT, STALE, WARN, Kind, Status, printable
 from ..monitoring.wifi import WifiState, wifi_status
@@ -18,6 +18,10 @@ from ..msg import LinkStatus, RobotStatus
 
 MAX_RELAYED = 256
 """Streams, operators and problems of a relayed RobotStatus that are read."""
+
+
+MAX_PATHS = 2
+"""Paths of a relayed LinkStatus that are read."""
 
 
 def as_message(status: Status, side: str) -> Any:
@@ -59,7 +63,8 @@ def relayed_link(message: Any) -> List[Status]:
         'state': message.state,
         **{'%s [Mbit/s]' % name: getattr(message, name) for name in ('sent', 'rate', 'wanted', 'capacity')},
         'loss [%]': 100 * message.loss, 'queue delay [ms]': 1e3 * message.queue_delay,
-        'round trip [ms]': 1e3 * message.round_trip})
+        'round trip [ms]': 1e3 * message.round_trip,
+        **{BY + path.name: path_text(path.sent, path.capacity, path.loss) for path in message.paths[:MAX_PATHS]}})
     return _as_received([link, wifi])
 
 
