@@ -1,32 +1,38 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """A sealed link between own masters under attack: what the operator sees meanwhile, and what it costs the nodes.
 
-A stranger hears everything that crosses, and sends to both sides, see link_attack. Beside it, an operator with
+The robot has two addresses, over two links at once. A stranger at each end of both hears everything that crosses, and
+sends to that end, see link_attack. Beside it, an operator with
 another key tries to join. Memory grows where nodes keep more of it than ever before, see kept_memory.
 """
+import functools
 import json
 import pathlib
 import sys
 import threading
 import time
 from dataclasses import dataclass
-from typing import Callable, Dict, List, Mapping
+from typing import Callable, Dict, List, Mapping, Tuple
 
 import numpy as np
 
 from smokebot_udp.link.keys import make_key
-from smokebot_udp.link_lab.lab import ADDRESSES
+from smokebot_udp.link_lab.lab import ADDRESSES as HOSTS
+from smokebot_udp.link_lab.lab import DEVICE
+from smokebot_udp.link_lab.second_link import SECOND, SECOND_DEVICE, second_lab
 
 from . import TOP
 from .kept_memory import KEPT, KeptMemory
 from .link_run import AIR
 from .listener import Listener
 from .own_masters import RECEIVER, ROBOT, OwnMasters
+from .path_cuts import ADDRESSES
 from .polling import wait_for
 from .processes import Peer
 from .started import Started
 
 SIDES = 'robot', 'operator'
+DEVICES = DEVICE, SECOND_DEVICE
 LINK = {**AIR, 'delay': 0.01}
 IMAGE = '/operator/thermal/image_raw'
 IMAGE_RATE = 10.0
@@ -39,6 +45,10 @@ RECORDING = 15.0
 SLOWEST = 1000.0
 """Minimum rate of an attack. An attack that takes longer than at this rate is given up [1/s]."""
 
+
+FLOODS = {'flood of the %s, %s link' % (side, name): (side, device)
+          for side in SIDES for name, device in zip(('first', 'second'), DEVICES)}
+"""{name: side and device}."""
 
 QUIET = 5.0
 """[s]"""
@@ -80,33 +90,46 @@ class HostileLink(Started):
         self._folder, self._kept, self._timeout = folder, kept, max(count, half_open) / SLOWEST + STARTING
         self.stack = self.enter_context(OwnMasters(seed, folder / 'nodes.log'))
         self._options = ['--count', str(count), '--rate', str(rate), '--half-open', str(half_open)]
-        self._strangers: Dict[str, Peer] = {}
+        self.second = self.enter_context(second_lab(self.stack.lab, seed + 1))
+        self._strangers: Dict[Tuple[str, str], Peer] = {}       # by side and device
         with self.starting():
             self._start()
 
     def _start(self) -> None:
-        self.stack.lab.set(LINK)
+        for link in (self.stack.lab, self.second):
+            link.set(LINK)
         self.stack.start_node('robot', 'simulated_robot', '_width:=320', '_height:=240')
         self._listener = Listener(self.stack)
         self._listener.subscribe([[IMAGE, 'any', 'TCPROS']])
         self._listeners = {'robot': Listener(self.stack, 'robot'), 'operator': Listener(self.stack)}
         for listener in self._listeners.values():
             listener.subscribe([['/diagnostics', 'link transport', 'TCPROS']])
-        self._strangers['robot'] = self._stranger('robot', ROBOT)
-        recording = threading.Thread(target=self._strangers['robot'].ask, args=('record %g' % RECORDING,))
-        recording.start()
-        nodes = {'robot': self.stack.start_sender(), 'operator': self.stack.start_receiver()}
+        for device, address in zip(DEVICES, ADDRESSES):
+            self._strangers['robot', device] = self._stranger('robot', device, address)
+        recordings = self._record('robot', RECORDING)
+        nodes = {'robot': self.stack.start_sender(), 'operator': self.stack.start_receiver(robot=','.join(ADDRESSES))}
         if not self._listener.first([IMAGE], STARTING):
             raise RuntimeError('no image comes: see nodes.log')
         self._memory = KeptMemory({side: node.pid for side, node in nodes.items()}, self._kept)
-        recording.join()
+        for recording in recordings:
+            recording.join()
         self.replayed = self._replay()
         """What the robot dropped when it got the recorded handshake again: soon, as its cookie is good for a minute."""
-        self._strangers['operator'] = self._stranger('operator', '%s:%d' % (ADDRESSES['operator'], self._port()))
-        self._strangers['operator'].ask('record 5')
+        for device, host in zip(DEVICES, (HOSTS['operator'], SECOND['operator'])):
+            self._strangers['operator', device] = self._stranger('operator', device, '%s:%d' % (host, self._port()))
+        for recording in self._record('operator', 5.0):
+            recording.join()
 
-    def _stranger(self, side: str, to: str) -> Peer:
-        command = [sys.executable, '-m', 'evaluation.link_attack', '--to', to, *self._options]
+    def _record(self, side: str, seconds: float) -> List[threading.Thread]:
+        """Let a side's strangers keep what they hear."""
+        threads = [threading.Thread(target=self._strangers[side, device].ask, args=('record %g' % seconds,))
+                   for device in DEVICES]
+        for thread in threads:
+            thread.start()
+        return threads
+
+    def _stranger(self, side: str, device: str, to: str) -> Peer:
+        command = [sys.executable, '-m', 'evaluation.link_attack', '--to', to, '--device', device, *self._options]
         with (self._folder / 'stranger.log').open('ab') as log:
             peer = Peer(self.stack.lab.command(side, command), cwd=str(TOP), stderr=log)
         self.callback(peer.close)
@@ -150,23 +173,21 @@ class HostileLink(Started):
         """All attacks, one after the other, with quiet before and after."""
         self._memory.await_steady()     # nodes load codecs and fill caches at first: that is no growth
         return [self.watch('quiet', 'robot', quiet), self.watch('half-open handshakes', 'robot', self._half_open),
-                self.watch('flood of the robot', 'robot', lambda: self._flood('robot')),
-                self.watch('flood of the operator', 'operator', lambda: self._flood('operator')),
+                *(self.watch(name, side, functools.partial(self._ask, side, 'flood', device))
+                  for name, (side, device) in FLOODS.items()),
                 self.watch('uninvited operator', 'robot', self._uninvited), self.watch('quiet again', 'robot', quiet)]
 
     def _half_open(self) -> Dict[str, int]:
-        return self._ask('robot', 'half-open')
+        return self._ask('robot', 'half-open', DEVICE)
 
-    def _flood(self, side: str) -> Dict[str, int]:
-        return self._ask(side, 'flood')
-
-    def _ask(self, side: str, command: str) -> Dict[str, int]:
-        sent: Dict[str, int] = json.loads(self._strangers[side].ask(command, self._timeout))
+    def _ask(self, side: str, command: str, device: str) -> Dict[str, int]:
+        sent: Dict[str, int] = json.loads(self._strangers[side, device].ask(command, self._timeout))
         return sent
 
     def _replay(self) -> Dict[str, int]:
         before = self._dropped('robot')
-        self._ask('robot', 'replay')
+        for device in DEVICES:      # an INIT goes where the COOKIE came from last
+            self._ask('robot', 'replay', device)
         return wait_for(lambda: self._newly_dropped('robot', before), STARTING) or {}
 
     def _uninvited(self) -> Dict[str, int]:

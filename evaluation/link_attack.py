@@ -20,6 +20,7 @@ from typing import Callable, Counter, Dict, Iterator, List, Sequence, Tuple
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.packets import Kind
 from smokebot_udp.link.place import place_at
+from smokebot_udp.link_lab.lab import DEVICE
 
 from .forged_packets import Address, Forger
 from .link_pair import MAX_DATAGRAM_SIZE, received
@@ -57,13 +58,15 @@ class Attack:
     """Makes bad datagrams of good ones.
 
     :param genuine: datagrams that the target got, with their sources; not empty
+    :param own: those that it sent, with where they went
     """
 
-    def __init__(self, genuine: Sequence[Forged], chance: random.Random) -> None:
-        self._genuine, self._chance = genuine, chance
+    def __init__(self, genuine: Sequence[Forged], own: Sequence[Forged], chance: random.Random) -> None:
+        self._genuine, self._own, self._chance = genuine, own, chance
         self._kinds: Dict[str, Callable[[], Forged]] = {
             'random': self._random, 'mutated': self._mutated, 'cut or extended': self._resized,
-            'replayed': self._replayed, 'replayed by a stranger': self._moved, 'forged data': self._forged_data}
+            'replayed': self._replayed, 'replayed by a stranger': self._moved, 'forged data': self._forged_data,
+            'reflected': self._reflected}
         self._names = list(self._kinds)
 
     def next(self) -> Tuple[str, Forged]:
@@ -94,6 +97,9 @@ class Attack:
     def _replayed(self) -> Forged:
         return self._chance.choice(self._genuine)
 
+    def _reflected(self) -> Forged:
+        return self._chance.choice(self._own)
+
     def _moved(self) -> Forged:
         return self._somebody(), self._chance.choice(self._genuine)[1]
 
@@ -107,17 +113,21 @@ class Attack:
         return stranger(self._chance.randrange(1 << 16))
 
 
-def record(to: Address, seconds: float) -> List[Forged]:
-    """What the target gets from the link within a time."""
-    end, found = time.monotonic() + seconds, []
-    with open_tap() as tap:
+def record(to: Address, device: str, seconds: float) -> Tuple[List[Forged], List[Forged]]:
+    """What the target gets from the link within a time, and what it sends."""
+    end = time.monotonic() + seconds
+    got: List[Forged] = []
+    sent: List[Forged] = []
+    with open_tap(device) as tap:
         while time.monotonic() < end:
             for datagram in datagrams(tap, to[1], TIMEOUT):
                 if datagram.to == to and datagram.payload:
-                    found.append((datagram.source, datagram.payload))
+                    got.append((datagram.source, datagram.payload))
+                elif datagram.source == to and datagram.payload:
+                    sent.append((datagram.to, datagram.payload))
                 if time.monotonic() > end:
                     break
-    return found
+    return got, sent
 
 
 def flood(to: Address, attack: Attack, count: int, rate: float) -> Counter[str]:
@@ -229,21 +239,26 @@ def main(arguments: Sequence[str]) -> None:
     parser.add_argument('--count', type=int, default=10 ** 6)
     parser.add_argument('--rate', type=float, default=20000.0, help='datagrams a second')
     parser.add_argument('--half-open', type=int, default=10 ** 4)
+    parser.add_argument('--device', default=DEVICE, help='of the link')
     parser.add_argument('--seed', type=int, default=0)
     options = parser.parse_args(arguments)
     host, port = options.to.split(':')
-    to, genuine = (host, int(port)), []
+    to = host, int(port)
+    genuine: List[Forged] = []
+    own: List[Forged] = []
     allow_strangers(host)
     print('ready', flush=True)
     for line in sys.stdin:
         word, *rest = line.split()
         if word == 'record':
-            genuine += record(to, float(rest[0]))
+            got, sent = record(to, options.device, float(rest[0]))
+            genuine += got
+            own += sent
             answer = collections.Counter(str(payload[0]) for _, payload in genuine)
         elif word == 'replay':
             answer = replay(to, genuine, Kind.INIT)
         elif word == 'flood':
-            answer = flood(to, Attack(genuine, random.Random(options.seed)), options.count, options.rate)
+            answer = flood(to, Attack(genuine, own, random.Random(options.seed)), options.count, options.rate)
         else:
             answer = half_open(to, options.half_open)
         print(json.dumps(answer), flush=True)

@@ -13,11 +13,11 @@ from ..runner import Figure, Run, Table
 TITLE = 'A sealed link under attack'
 
 EXPLANATION = """
-Robot and operator have a master each, and a link with a key. A stranger hears all that crosses, and sends from any
-address: 10 000 handshakes that it does not end, each from an address of its own; a million bad datagrams to the robot,
-and a million to the operator, 20 000 a second, as far as the machine allows: random ones, mutated, cut and prolonged
-ones, forged data, and good ones again, from the true sender's address or another. Then an operator with
-another key tries to join.
+Robot and operator have a master each, and a link with a key; the robot has two addresses, over two links. A stranger
+hears all that crosses, and sends from any address: 10 000 handshakes that it does not end, each from an address of its
+own; a million bad datagrams to each end of both links, 20 000 a second, as far as the machine allows: random ones,
+mutated, cut and prolonged ones, forged data, good ones again, from the true sender's address or another, and reflected
+ones. Then an operator with another key tries to join.
 """
 
 COUNT, QUICK_COUNT = 10 ** 6, 10 ** 5

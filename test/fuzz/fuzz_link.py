@@ -187,7 +187,8 @@ class Fuzzer:
         self.worst = max(self.worst, time.process_time() - begun)
 
     def _attack(self, world: World, side: Side, other: Side) -> None:
-        attack = Attack(side.genuine, self._random)
+        own = [(other.address, payload) for _, payload in other.genuine]
+        attack = Attack(side.genuine, own, self._random)
         forged = [attack.next()[1] for _ in range(BATCH)]
         if self._random.random() < 0.3:
             forged += world.insider(other, side)

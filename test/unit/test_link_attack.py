@@ -9,18 +9,20 @@ from smokebot_udp.link.packets import Kind
 
 GENUINE = [(('10.77.0.2', 40000), bytes([Kind.DATA, 0, 0, 0]) + bytes(range(60))),
            (('10.77.0.2', 40000), bytes([Kind.HELLO, 1, 1, 0]) + bytes(28))]
+OWN = [(('10.77.0.2', 40000), bytes([Kind.DATA, 7, 7, 7]) + bytes(60))]
 
 
 def test_every_kind_comes_and_only_replays_are_genuine() -> None:
-    attack = Attack(GENUINE, random.Random(1))
+    attack = Attack(GENUINE, OWN, random.Random(1))
     counts = collections.Counter()
     for _ in range(2000):
         name, forged = attack.next()
         counts[name] += 1
         assert (forged in GENUINE) == (name == 'replayed') or name in ('mutated',)
+        assert (forged in OWN) == (name == 'reflected')
         assert name != 'replayed by a stranger' or (forged[1] in [data for _, data in GENUINE]
                                                     and forged[0][0].startswith('10.78.'))
-    assert len(counts) == 6 and min(counts.values()) > 200
+    assert len(counts) == 7 and min(counts.values()) > 200
 
 
 def test_strangers_have_addresses_of_their_own() -> None:
