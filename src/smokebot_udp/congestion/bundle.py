@@ -266,7 +266,8 @@ class Bundle:
         links = [path.estimator.link for path in self._paths]
         if len(links) == 1:
             return replace(links[0], capacity=self.capacity)
-        loss = sum(link.loss * link.capacity for link in links) / sum(link.capacity for link in links)
+        shares = [path.capacity for path in self._paths]
+        loss = sum(link.loss * share for link, share in zip(links, shares)) / sum(shares)
         return replace(links[0], capacity=self.capacity, loss=loss, queue_delay=max(link.queue_delay for link in links))
 
     def shares(self, sent: float) -> List[PathRates]:
