@@ -17,6 +17,8 @@ class PathUse(NamedTuple):
     """Address of the peer."""
     max_rate: float = math.inf
     """What a path that costs carries by itself; beside another one it carries nothing [byte/s]."""
+    is_quiet: bool = False
+    """Whether the peer is heard over the second path only: nothing is to be sent by this one, which is the first."""
     interface: str = ''
     """By which interface of this machine it goes; empty: unknown."""
 

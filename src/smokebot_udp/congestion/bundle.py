@@ -10,6 +10,7 @@
   does not wait for a slow path. What is sent at once goes by the path on which it arrives first.
 * What a slow path does not carry therefore is no capacity, and the other one is not paced faster for it.
 * A packet train goes by the path that it is to measure.
+* While a first path is quiet, all goes by the second one.
 """
 import math
 from dataclasses import replace
@@ -136,6 +137,7 @@ class Bundle:
         self._paths = [_Path(None, FeedbackReader(history), _Estimate(now, limits), -math.inf)]
         self._train, self._train_left = 0, 0.0      # the path that is measured, and what of its train has not left
         self._has_two = False       # whether there were two since it joined
+        self._avoids_first = False
         self.only = ''
         """The path by which it is reached, where there were two: its interface, or the operator's host there."""
 
@@ -163,6 +165,12 @@ class Bundle:
         if len(self._paths) > 1:
             for path in self._paths:
                 path.reader.is_shared = True
+        self._avoids_first = used[0].is_quiet and len(self._paths) > 1
+
+    @property
+    def _carrying(self) -> List[_Path]:
+        """The paths by which something is sent now."""
+        return self._paths[1:] if self._avoids_first else self._paths
 
     def _is_useful(self, second: PathUse, now: float) -> bool:
         """Whether something goes by a second path: it is alive, and costs nothing."""
@@ -182,6 +190,8 @@ class Bundle:
         """
         if len(self._paths) == 1:
             return 0, 0.0
+        if self._avoids_first:
+            return 1, 0.0
         if self._train_left > 0:
             return self._train, 0.0
         first, second = self._paths
@@ -217,13 +227,13 @@ class Bundle:
     @property
     def rate(self) -> float:
         """What may be sent now, by all paths together [byte/s]."""
-        return min(math.fsum(path.rate for path in self._paths), self._limits.max_rate)
+        return min(math.fsum(path.rate for path in self._carrying), self._limits.max_rate)
 
     @property
     def capacity(self) -> float:
         """Capacity of all paths together, as far as it is useful [byte/s]."""
-        first = self._paths[0].capacity
-        if len(self._paths) == 1:
+        first = self._carrying[0].capacity
+        if len(self._carrying) == 1:
             return first
         second = self._paths[1].capacity
         behind = self._paths[1].idle_delay - self._paths[0].idle_delay      # NaN: unknown
@@ -233,7 +243,7 @@ class Bundle:
     @property
     def link(self) -> Link:
         """All paths together as one link; the round trip is the first one's, the queue the longest."""
-        links = [path.estimator.link for path in self._paths]
+        links = [path.estimator.link for path in self._carrying]
         if len(links) == 1:
             return replace(links[0], capacity=self.capacity)
         loss = sum(link.loss * link.capacity for link in links) / sum(link.capacity for link in links)
@@ -260,11 +270,12 @@ class Bundle:
 
         :param budget: what they are planned for without it [byte/s]
         """
-        if len(self._paths) == 1:
-            return self._paths[0].estimator.planned(budget, self._paths[0].total)
-        shares = [path.capacity / self.capacity for path in self._paths]
+        paths = self._carrying
+        if len(paths) == 1:
+            return paths[0].estimator.planned(budget, paths[0].total)
+        shares = [path.capacity / self.capacity for path in paths]
         return max(1.0, *(share * path.estimator.planned(share * budget, path.total)
-                          for share, path in zip(shares, self._paths)))
+                          for share, path in zip(shares, paths)))
 
     # -- what changes it ------------------------------------------------------------------------------
 
@@ -304,4 +315,4 @@ class Bundle:
 
     def rate_beside(self, index: int) -> float:
         """What the paths but one carry [byte/s]."""
-        return math.fsum(path.rate for path in self._paths if path is not self._paths[index])
+        return math.fsum(path.rate for path in self._carrying if path is not self._paths[index])

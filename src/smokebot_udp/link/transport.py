@@ -29,7 +29,7 @@ from .core import CLOSED, LinkCore
 from .endpoint import Endpoint
 from .operator_core import NO_ANSWER, OperatorCore
 from .packets import OVERHEAD, encode_name
-from .peer import Address, Delivery, Event, Joined, Left, Moved, Peer, Refused, address_of
+from .peer import Address, Delivery, Event, Joined, Left, Moved, Peer, Quiet, Refused, address_of
 from .peer_topics import KINDS, PeerTopics
 from .resolver import Resolver
 from .robot_core import RobotCore
@@ -177,7 +177,7 @@ class LinkTransport:
         found: Dict[str, Sequence[PathUse]] = {}
         for topics in self._peers.values():
             peer, second = topics.peer, topics.peer.second
-            found[peer.name] = [PathUse(peer.address[0], host=peer.address[0])]
+            found[peer.name] = [PathUse(peer.address[0], host=peer.address[0], is_quiet=peer.is_quiet)]
             if second is not None:
                 address = address_of(second)
                 key = address if address[0] == peer.address[0] else address[0]
@@ -228,6 +228,8 @@ class LinkTransport:
                 topics.update_room(self._core.max_datagram_size, time.monotonic(), moved=True)
             self.on_moved()
             self._tell('%s has moved to %s:%d' % (event.peer.name, *event.address))
+        elif isinstance(event, Quiet):
+            self.on_moved()
         elif isinstance(event, Left):
             self._forget(event.peer)
             self._tell('%s has left: %s' % (event.peer.name, event.reason))
