@@ -122,17 +122,18 @@ def test_after_a_move_the_estimate_is_that_of_the_path_which_is_left() -> None:
 def test_while_the_first_path_is_quiet_all_goes_by_the_second_one() -> None:
     robot, quiet = TwoPaths(3 * MBIT, 1 * MBIT), [BOTH[0]._replace(is_quiet=True), BOTH[1]]
     robot.drive(6.0)
-    robot.controller.on_paths({'/op': quiet}, robot.now)
+    assert robot.controller.on_paths({'/op': quiet}, robot.now)
+    assert not robot.controller.on_paths({'/op': quiet}, robot.now)
     assert robot.controller.stats(robot.now).capacity == pytest.approx(1 * MBIT, rel=0.3)
     first, second = robot.drive(0.3, quiet)
     assert first == 0 and second * SIZE / 0.3 < 1.5 * MBIT
-    robot.controller.on_paths({'/op': BOTH}, robot.now)
+    assert not robot.controller.on_paths({'/op': BOTH}, robot.now)
     assert robot.controller.stats(robot.now).capacity > 3.2 * MBIT and robot.drive(0.3)[0] > 0
 
 
 def test_a_quiet_path_is_used_where_there_is_no_other_one() -> None:
     bundle = Bundle(SentHistory(), LIMITS, 0.0)
-    bundle.follow([BOTH[0]._replace(is_quiet=True)], 0.0)
+    assert not bundle.follow([BOTH[0]._replace(is_quiet=True)], 0.0)
     assert bundle.choose(SIZE, SIZE, 0.0) == (0, 0.0) and bundle.rate == LIMITS.start_rate
 
 

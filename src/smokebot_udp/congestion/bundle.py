@@ -143,8 +143,12 @@ class Bundle:
 
     # -- which paths there are, and what they get -----------------------------------------------------
 
-    def follow(self, used: Sequence[PathUse], now: float) -> None:
-        """Use these paths from now on, one or two; the second one where it is not silent."""
+    def follow(self, used: Sequence[PathUse], now: float) -> bool:
+        """Use these paths from now on, one or two; the second one where it is not silent.
+
+        :return: whether they carry less than those before
+        """
+        before = self.capacity
         alone = len(used) == 1 or used[1].silence >= SILENCE
         self._has_two |= not alone
         self.only = (used[0].interface or used[0].host) if self._has_two and alone else ''
@@ -166,6 +170,7 @@ class Bundle:
             for path in self._paths:
                 path.reader.is_shared = True
         self._avoids_first = used[0].is_quiet and len(self._paths) > 1
+        return self.capacity < before
 
     @property
     def _carrying(self) -> List[_Path]:
