@@ -26,6 +26,8 @@ class PathUse(NamedTuple):
     host: str = ''
     """Address of the peer."""
     policy: PathPolicy = PathPolicy()
+    is_quiet: bool = False
+    """Whether the peer is heard over the second path only: nothing is to be sent by this one, which is the first."""
     interface: str = ''
     """By which interface of this machine it goes; empty: unknown."""
 

@@ -128,7 +128,7 @@ class Transport(Protocol):
     """Makes publishers and subscribers of topics on the wire, whose names are absolute."""
 
     on_moved: Callable[[], None]
-    """Called where the first path of a peer has become another one; any thread, and it must not block."""
+    """Called where the first path of a peer has become another one, or quiet; any thread, and it must not block."""
 
     @property
     def name(self) -> str:

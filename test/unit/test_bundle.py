@@ -120,6 +120,24 @@ def test_after_a_move_the_estimate_is_that_of_the_path_which_is_left() -> None:
     assert robot.controller.stats(robot.now).loss < 0.05
 
 
+def test_while_the_first_path_is_quiet_all_goes_by_the_second_one() -> None:
+    robot, quiet = TwoPaths(3 * MBIT, 1 * MBIT), [BOTH[0]._replace(is_quiet=True), BOTH[1]]
+    robot.drive(6.0)
+    assert robot.controller.on_paths({'/op': quiet}, robot.now)
+    assert not robot.controller.on_paths({'/op': quiet}, robot.now)
+    assert robot.controller.stats(robot.now).capacity == pytest.approx(1 * MBIT, rel=0.3)
+    first, second = robot.drive(0.3, quiet)
+    assert first == 0 and second * SIZE / 0.3 < 1.5 * MBIT
+    assert not robot.controller.on_paths({'/op': BOTH}, robot.now)
+    assert robot.controller.stats(robot.now).capacity > 3.2 * MBIT and robot.drive(0.3)[0] > 0
+
+
+def test_a_quiet_path_is_used_where_there_is_no_other_one() -> None:
+    bundle = Bundle(SentHistory(), LIMITS, 0.0)
+    assert not bundle.follow([BOTH[0]._replace(is_quiet=True)], 0.0)
+    assert bundle.choose(SIZE, SIZE, 0.0) == (0, 0.0) and bundle.rate == LIMITS.start_rate
+
+
 def test_the_end_of_a_message_does_not_wait_for_the_slow_path() -> None:
     robot = TwoPaths(2 * MBIT, 2 * MBIT, delays=(0.02, 0.06))
     robot.drive(6.0)
@@ -186,6 +204,14 @@ def test_a_path_that_costs_carries_the_cheapest_images_where_the_other_one_does_
     assert 0.5 * base < robot.drive(4.0, [BOTH[0], costs])[1] * SIZE / 4 <= 1.1 * base
     robot.links[0].rate = 4 * MBIT
     robot.drive(8.0, [BOTH[0], costs])
+    assert robot.drive(1.0, [BOTH[0], costs])[1] == 0
+
+
+def test_a_path_that_costs_carries_all_while_the_first_one_is_quiet() -> None:
+    robot, costs = TwoPaths(2 * MBIT, 2 * MBIT), PathUse('lte', policy=PathPolicy(0.3 * MBIT, metered=True))
+    robot.drive(4.0, [BOTH[0], costs])
+    went = robot.drive(1.0, [BOTH[0]._replace(is_quiet=True), costs])
+    assert went[0] == 0 and went[1] * SIZE == pytest.approx(0.3 * MBIT, rel=0.2)
     assert robot.drive(1.0, [BOTH[0], costs])[1] == 0
 
 

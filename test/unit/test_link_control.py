@@ -261,6 +261,31 @@ def test_what_is_sent_beside_the_streams_starves_nobody_while_the_capacity_is_un
     assert set(left) == {'capture', 'thermal'} and scheduler.wait(now) == math.inf
 
 
+def test_where_the_paths_carry_less_what_was_meant_for_more_does_not_leave(ros: Any, monkeypatch: Any) -> None:
+    """As one of two paths is cut: the next image is as small as the other one needs it, and waits for nothing."""
+    fell, scheduler = [False], PacketScheduler(1000.0)
+    controller = Controller(Limits(max_rate=1e6), False, 1472)
+    monkeypatch.setattr(controller, 'on_paths', lambda paths, now: fell[0])
+    rooms = iter([1e6, 1e6, 1e5])
+    monkeypatch.setattr(controller, 'tick', lambda *_: Plan(1e6, 1472, {}, {}, 1.0, {'thermal': next(rooms)}))
+    shared = SharedController(controller)
+    link = RobotLink(ros.transport, Outbox(scheduler, shared.on_sent))
+    streams = {'thermal': stream('image', link), 'map': stream('grid', link),
+               'odom': stream('relay', link, message_type='nav_msgs/Odometry')}
+    LinkControl(shared, link, streams)
+    for one in streams.values():
+        one.name = next(name for name, other in streams.items() if other is one)
+        scheduler.put(one.name, one.name, [(100, 1000)])
+    ros.tick()
+    ros.tick()
+    assert streams['thermal'].outlook.room == pytest.approx(1e6 / link.expansion)
+    assert all(map(scheduler.sending, streams))
+    fell[0] = True
+    ros.tick()
+    assert streams['thermal'].outlook.room == pytest.approx(1e5 / link.expansion)
+    assert [name for name in streams if scheduler.sending(name)] == ['map', 'odom']     # these are needed as a whole
+
+
 def test_a_tick_does_not_undo_what_a_report_changes_meanwhile(ros: Any, monkeypatch: Any) -> None:
     scheduler, controller = PacketScheduler(), Controller(Limits(), True, 1472)
     shared, rates = SharedController(controller), [5000.0]

@@ -18,7 +18,7 @@ from std_msgs.msg import Header, String
 
 from smokebot_udp.link.packets import OVERHEAD, Suite
 from smokebot_udp.link.parts import PART
-from smokebot_udp.link.peer import Carried, Delivery, Joined, Left, Peer
+from smokebot_udp.link.peer import Carried, Delivery, Joined, Left, Peer, Quiet
 from smokebot_udp.link.peer_topics import PeerTopics
 from smokebot_udp.link.place import Place
 from smokebot_udp.link.session import Session
@@ -447,6 +447,16 @@ def test_forged_datagrams_change_nothing(made: Links) -> None:
     wait_for(lambda: sum(robot.dropped().values()) >= 50
              and {'too long', 'malformed', 'unknown session'} <= set(robot.dropped()))
     assert [peer.name for peer in robot.stats(0.0).peers] == ['/operator_receiver@desk1']
+
+
+def test_who_plans_is_told_at_once_that_an_operators_first_path_is_quiet(made: Links) -> None:
+    robot, told = made.robot()[0], []
+    peer = Peer(99, 'anybody', 'anybody', bytes(16), 1472, Place(0x7f000001, 9), session(1), 0.0)
+    robot.on_event(Joined(peer))
+    robot.on_moved = lambda: told.append(robot.paths(0.0)['anybody'][0].is_quiet)
+    peer.is_quiet = True
+    robot.on_event(Quiet(peer))
+    assert told == [True]
 
 
 def test_who_joins_and_leaves_again_and_again_does_not_fill_the_log() -> None:

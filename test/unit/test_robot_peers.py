@@ -12,9 +12,9 @@ from smokebot_udp.link.core import MAX_OLD, OLD_KEYS
 from smokebot_udp.link.operator_core import OperatorCore
 from smokebot_udp.link.packets import VERSION, Cookie, Suite, Unknown, parse
 from smokebot_udp.link.path import PROVED_FOR
-from smokebot_udp.link.peer import Joined, Moved
+from smokebot_udp.link.peer import Joined, Moved, Quiet
 from smokebot_udp.link.place import place_at
-from smokebot_udp.link.robot_core import RobotCore
+from smokebot_udp.link.robot_core import QUIET, RobotCore
 from smokebot_udp.link.robot_paths import ALIVE, MAX_PATHS
 
 ROBOT_2 = '10.0.0.8', 17001
@@ -215,10 +215,11 @@ def test_few_addresses_of_a_peer_are_remembered(others: int, follows: bool) -> N
 
 
 def proved(robot: Any, operator: Any, now: float) -> None:
-    """The operator's second address has proved itself, and is known."""
+    """The operator's second address has proved itself, and is known; it is heard from the first one."""
     give(robot, ELSEWHERE, probe(operator), now=now)
     give(operator, ROBOT, *sent(robot), now=now)
     give(robot, ELSEWHERE, *sent(operator), now=now)
+    give(robot, OPERATOR, the_robot(operator).seal_one(data(20)), now=now)
     robot.poll(now)
 
 
@@ -246,6 +247,42 @@ def test_an_address_that_was_left_is_second_when_probes_come_that_were_sent_late
     assert robot.peers[0].second == place_at(OPERATOR) and robot.peers[0].second_heard == 1.3
 
 
+def test_an_address_that_becomes_the_first_one_is_not_the_second_one_any_more() -> None:
+    """Until the next poll, too: it would count as two paths."""
+    robot, operator = joined()
+    proved(robot, operator, 1.0)
+    give(robot, ELSEWHERE, the_robot(operator).seal_one(data(20)), now=1.1)
+    assert robot.peers[0].address == ELSEWHERE and robot.peers[0].second is None
+
+
+def test_a_peer_that_is_heard_from_its_second_address_only_is_quiet() -> None:
+    robot, operator = joined()
+    proved(robot, operator, 1.0)
+    peer = robot.peers[0]
+    robot.events()
+    give(robot, OPERATOR, probe(operator), now=1.1)
+    give(robot, ELSEWHERE, probe(operator), now=1.12)
+    robot.poll(1.15)
+    assert robot.deadline(1.15) == pytest.approx(1.1 + QUIET)
+    robot.poll(1.11 + QUIET)
+    assert peer.is_quiet and robot.events() == [Quiet(peer)]
+    robot.poll(1.15 + QUIET)
+    assert peer.is_quiet and robot.events() == [] and robot.deadline(1.15 + QUIET) > 1.15 + QUIET
+    give(robot, OPERATOR, the_robot(operator).seal_one(data(20)), now=1.16 + QUIET)
+    robot.poll(1.16 + QUIET)
+    assert not peer.is_quiet and robot.events() == []
+
+
+def test_a_peer_that_is_heard_from_nowhere_is_not_quiet() -> None:
+    """Then it has stopped for a moment, rather than the path."""
+    robot, operator = joined()
+    proved(robot, operator, 1.0)
+    give(robot, OPERATOR, the_robot(operator).seal_one(data(20)), now=1.1)
+    robot.events()
+    robot.poll(1.2 + QUIET)
+    assert robot.peers[0].second is not None and not robot.peers[0].is_quiet and robot.events() == []
+
+
 def test_an_address_without_proof_gets_no_copies() -> None:
     robot, operator = joined()
     for number in range(9):
@@ -265,8 +302,7 @@ def test_an_operator_with_one_address_has_two_paths_where_it_is_heard_by_two_int
     assert robot.peers[0].place == place_at(OPERATOR) and robot.peers[0].second == place_at(OPERATOR, 5)
     give(robot, OPERATOR, the_robot(operator).seal_one(data(20)), now=1.1, interface=5)
     assert robot.peers[0].place == place_at(OPERATOR, 5)
-    event, = robot.events()
-    assert isinstance(event, Moved)
+    assert [type(event) for event in robot.events()] == [Quiet, Moved]
 
 
 @pytest.mark.parametrize('is_proved', [True, False])

@@ -12,6 +12,7 @@
 * A packet train goes by the path that it is to measure.
 * A path whose bytes cost is used beside another one only while that one does not carry the cheapest images, and for no
   more than these take.
+* While a first path is quiet, all goes by the second one.
 """
 import math
 from dataclasses import replace
@@ -43,6 +44,9 @@ LATE = 0.05
 """A path that delivers a datagram later than the other one by this time adds no capacity, by half of this time half of
 its own. With 0.1 s images over 0.4 and 0.2 Mbit/s are 0.1 dB sharper and 29 ms older, and the screen is 0.3 dB worse
 (`bench paths`) [s]."""
+
+FELL = 0.8
+"""A path is missed where the others carry less than this part of what all did."""
 
 ENOUGH = 1.5
 """A path that costs is left once the other one carries the cheapest images this many times: estimates vary."""
@@ -154,13 +158,18 @@ class Bundle:
         self._has_two = False       # whether there were two since it joined
         self.base = 0.0
         """What the cheapest images of all streams take, and what is protected [byte/s]."""
+        self._avoids_first = False      # as it is quiet
         self.only = ''
         """The path by which it is reached, where there were two: its interface, or the operator's host there."""
 
     # -- which paths there are, and what they get -----------------------------------------------------
 
-    def follow(self, used: Sequence[PathUse], now: float) -> None:
-        """Use these paths from now on, one or two; the second one where it is not silent."""
+    def follow(self, used: Sequence[PathUse], now: float) -> bool:
+        """Use these paths from now on, one or two; the second one where it is not silent.
+
+        :return: whether they carry far less than those before
+        """
+        before = self.capacity
         alone = len(used) == 1 or used[1].silence >= SILENCE
         self._has_two |= not alone
         self.only = used[0].name if self._has_two and alone else ''
@@ -179,12 +188,19 @@ class Bundle:
         for path, one in zip(self._paths, used):
             path.heard, path.weight = max(path.heard, now - one.silence), one.policy.weight
             path.name, path.max_rate = one.name, one.policy.max_rate
-            if one.policy.metered and len(used) > 1:
+            if one.policy.metered and len(used) > 1 and not used[0].is_quiet:
                 needed = self.base if self._lacks(used[0] if path is self._paths[1] else used[1]) else TRICKLE
                 path.max_rate = min(path.max_rate, needed)
         if len(self._paths) > 1:
             for path in self._paths:
                 path.reader.is_shared = True
+        self._avoids_first = used[0].is_quiet and len(self._paths) > 1
+        return self.capacity < FELL * before
+
+    @property
+    def _carrying(self) -> List[_Path]:
+        """The paths by which something is sent now."""
+        return self._paths[1:] if self._avoids_first else self._paths
 
     def _lacks(self, use: PathUse) -> bool:
         """Whether a path does not carry the cheapest images."""
@@ -196,7 +212,8 @@ class Bundle:
 
     def _is_useful(self, second: PathUse, first: PathUse, now: float) -> bool:
         """Whether something goes by a second path: it is alive, and if it costs, it is needed."""
-        if second.policy.metered and not first.policy.metered and not self._lacks(first):
+        needed = first.policy.metered or first.is_quiet or self._lacks(first)
+        if second.policy.metered and not needed:
             return False
         heard = max((path.heard for path in self._paths[1:] if path.key == second.key), default=-math.inf)
         return min(second.silence, now - heard) < SILENCE
@@ -212,6 +229,8 @@ class Bundle:
         """
         if len(self._paths) == 1:
             return 0, 0.0
+        if self._avoids_first:
+            return 1, 0.0
         if self._train_left > 0:
             return self._train, 0.0
         first, second = self._paths
@@ -247,13 +266,13 @@ class Bundle:
     @property
     def rate(self) -> float:
         """What may be sent now, by all paths together [byte/s]."""
-        return min(math.fsum(path.rate for path in self._paths), self._limits.max_rate)
+        return min(math.fsum(path.rate for path in self._carrying), self._limits.max_rate)
 
     @property
     def capacity(self) -> float:
         """Capacity of all paths together, as far as it is useful [byte/s]."""
-        first = self._paths[0].capacity
-        if len(self._paths) == 1:
+        first = self._carrying[0].capacity
+        if len(self._carrying) == 1:
             return first
         second = self._paths[1].capacity
         behind = self._paths[1].idle_delay - self._paths[0].idle_delay      # NaN: unknown
@@ -263,7 +282,7 @@ class Bundle:
     @property
     def link(self) -> Link:
         """All paths together as one link; the round trip is the first one's, the queue the longest."""
-        links = [path.estimator.link for path in self._paths]
+        links = [path.estimator.link for path in self._carrying]
         if len(links) == 1:
             return replace(links[0], capacity=self.capacity)
         shares = [path.capacity for path in self._paths]
@@ -303,11 +322,12 @@ class Bundle:
 
         :param budget: what they are planned for without it [byte/s]
         """
-        if len(self._paths) == 1:
-            return self._paths[0].estimator.planned(budget, self._paths[0].total)
-        shares = [path.capacity / self.capacity for path in self._paths]
+        paths = self._carrying
+        if len(paths) == 1:
+            return paths[0].estimator.planned(budget, paths[0].total)
+        shares = [path.capacity / self.capacity for path in paths]
         return max(1.0, *(share * path.estimator.planned(share * budget, path.total)
-                          for share, path in zip(shares, self._paths)))
+                          for share, path in zip(shares, paths)))
 
     # -- what changes it ------------------------------------------------------------------------------
 
@@ -347,4 +367,4 @@ class Bundle:
 
     def rate_beside(self, index: int) -> float:
         """What the paths but one carry [byte/s]."""
-        return math.fsum(path.rate for path in self._paths if path is not self._paths[index])
+        return math.fsum(path.rate for path in self._carrying if path is not self._paths[index])

@@ -196,16 +196,17 @@ class Controller:
         for name in connections:
             self._state(name, now)
 
-    def on_paths(self, paths: Mapping[str, Sequence[PathUse]], now: float) -> None:
+    def on_paths(self, paths: Mapping[str, Sequence[PathUse]], now: float) -> bool:
         """Take how the operators are reached now. An operator that is reached by another path has the estimate that
         this one had last; a path that is new begins with start_rate. What was sent before says nothing about it.
 
         :param paths: {operator as in `on_report`: its first path, and a second one if it has one}
         :param now: [s]
+        :return: whether the paths to an operator carry far less than before
         """
-        for name, used in paths.items():
-            if name in self._operators:
-                self._operators[name].paths.follow(used, now)
+        followed = [self._operators[name].paths.follow(used, now)
+                    for name, used in paths.items() if name in self._operators]
+        return any(followed)
 
     def on_report(self, operator: str, report: Any, now: float, source: Any = None, path: int = 0) -> Optional[Train]:
         """Take an operator's report; a forged or impossible one is counted and ignored.

@@ -45,6 +45,8 @@ class Peer:
         """Another place where it receives now; None: none is known."""
         self.second_heard = self.second_used = -math.inf
         """When it was heard from there, and when something but copies went there [s]."""
+        self.first_heard, self.is_quiet = now, False
+        """When it was heard from `place`, and whether it is heard from `second` only: of an operator [s]."""
         self.heard = now
         """When its latest authentic packet came [s]."""
         self.handshakes = 1
@@ -145,10 +147,16 @@ class Moved:
 
 
 @dataclass
+class Quiet:
+    """A peer is heard over its second path only."""
+    peer: Peer
+
+
+@dataclass
 class Refused:
     """No peer came of a handshake."""
     reason: Reason
     sentence: str
 
 
-Event = Union[Joined, Left, Moved, Refused]
+Event = Union[Joined, Left, Moved, Quiet, Refused]

@@ -30,7 +30,7 @@ from .endpoint import Endpoint
 from .interfaces import Interfaces
 from .operator_core import NO_ANSWER, OperatorCore
 from .packets import OVERHEAD, encode_name
-from .peer import Carried, Delivery, Event, Joined, Left, Moved, Peer, Refused
+from .peer import Carried, Delivery, Event, Joined, Left, Moved, Peer, Quiet, Refused
 from .peer_topics import KINDS, PeerTopics
 from .place import Address, address_of, interface_of, path_of, place_at
 from .resolver import Resolver
@@ -179,7 +179,8 @@ class LinkTransport:
         found: Dict[str, Sequence[PathUse]] = {}
         for topics in self._peers.values():
             peer = topics.peer
-            first = PathUse(path_of(peer.place), host=peer.address[0], interface=interface_of(peer.place))
+            first = PathUse(path_of(peer.place), host=peer.address[0], is_quiet=peer.is_quiet,
+                            interface=interface_of(peer.place))
             found[peer.name] = [first]
             if peer.second is not None:
                 key = peer.second if path_of(peer.second) == first.key else path_of(peer.second)
@@ -233,6 +234,8 @@ class LinkTransport:
                 topics.update_room(self._core.max_datagram_size, time.monotonic(), moved=True)
             self.on_moved()
             self._tell('%s has moved to %s:%d' % (event.peer.name, *event.address))
+        elif isinstance(event, Quiet):
+            self.on_moved()
         elif isinstance(event, Left):
             self._forget(event.peer)
             self._tell('%s has left: %s' % (event.peer.name, event.reason))

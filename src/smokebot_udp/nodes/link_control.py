@@ -144,7 +144,9 @@ class LinkControl(Part):
         self._paths.tick(now)
         paths = self._mark(self._link.transport.paths(now))
         with self._controller as controller:
-            controller.on_paths(paths, now)
+            fell = controller.on_paths(paths, now)
+            if fell:
+                self._rooms = Rooms()   # the plan is followed at once
             plan = controller.tick(now, {name: demand for name, demand in demands.items() if demand is not None},
                                    self._link.outbox.protected)
             stats = dataclasses.replace(controller.stats(now), longest=self._paths.hole)
@@ -153,6 +155,9 @@ class LinkControl(Part):
         self._link.datagram_size, self.shares = min(plan.datagram_size, self._link.transport.room), plan.shares
         grant(plan, self._streams, self._capacity)
         self._link.follow(plan.rate, stats.sent)
+        if fell:
+            for stream in self._streams.values():
+                stream.drop_rest()
 
         def follow(scheduler: PacketScheduler) -> None:
             self._set_rate(scheduler, now)

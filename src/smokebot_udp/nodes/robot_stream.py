@@ -435,6 +435,11 @@ class RobotStream(rospy.SubscribeListener):
             backlog = MAX_BACKLOG if self._encoded.backlog is None else self._encoded.backlog
             self.link.outbox.await_rest(self.name, whole, self._dip * backlog)
 
+    def drop_rest(self) -> None:
+        """The link carries less from now on: what is left of a message would delay the newer one that replaces it."""
+        if self.REPLACES and not self.encoder.traits.keeps:
+            self.link.outbox.drop(self.name)
+
     @property
     def _dip(self) -> float:
         """By what the present rate is below what the stream may use: that soon passes, as after a pause. At least 1."""
