@@ -5,10 +5,11 @@ The kernel's: a veth pair, and the shaper at the robot's end. In both, UDP datag
 """
 import subprocess
 import time
-from typing import Any, Dict, List, NamedTuple
+from typing import Any, Dict, List, NamedTuple, Optional, Sequence
 
 from smokebot_udp.link_lab.lab import DEVICE, Lab, LabError, TwoSides, side_commands
 from smokebot_udp.link_lab.link_trace import SIDES
+from smokebot_udp.link_lab.second_link import SECOND_DEVICE, end_commands
 
 from .shapers import LAB_DELAY, Count, Shaper, commands, counted, loss_rules
 
@@ -42,15 +43,26 @@ class VethPair(TwoSides):
                 if not holder.stdout.readline():
                     raise LabError('only root can make network namespaces: run it with sudo')
             super().__init__({side: '/proc/%d/ns/net' % holder.pid for side, holder in self._holders.items()})
-            self.must('robot', 'ip link add %s type veth peer name %s netns %d' % (
-                DEVICE, DEVICE, self._holders['operator'].pid))
-            for side in SIDES:
-                for line in side_commands(side, 'cubic'):
-                    self.must(side, 'ip ' + line)
-                self.must(side, ' '.join(['ethtool -K', DEVICE, *(feature + ' off' for feature in WHOLE)]))
+            self._join(DEVICE, [side_commands(side, 'cubic') for side in SIDES])
         except BaseException:
             self.close()
             raise
+
+    def join_again(self) -> None:
+        """Join them by a second pair, with addresses of its own.
+
+        :raises LabError: where that fails
+        """
+        self._join(SECOND_DEVICE, [end_commands(side) for side in SIDES])
+
+    def _join(self, device: str, commands_of_sides: Sequence[Sequence[str]]) -> None:
+        # between both namespaces at once: a device that moves loses its shaper
+        self.must('robot', 'ip link add %s type veth peer name %s netns %d' % (
+            device, device, self._holders['operator'].pid))
+        for side, lines in zip(SIDES, commands_of_sides):
+            for line in lines:
+                self.must(side, 'ip ' + line)
+            self.must(side, ' '.join(['ethtool -K', device, *(feature + ' off' for feature in WHOLE)]))
 
     def must(self, side: str, line: str) -> None:
         """Run a command on a side.
@@ -85,12 +97,14 @@ class ShapedLink:
 
     :param rate: [bit/s]
     :param loss: of UDP datagrams to the operator, 0..1
+    :param sides: joined by this device already, where the kernel shapes; None: they are made
     :raises LabError: where it cannot be made
     """
 
-    def __init__(self, shaper: Shaper, rate: float, loss: float, seed: int = 1) -> None:
-        self._shaper = shaper
-        self.sides: TwoSides = VethPair() if shaper.in_kernel else Lab(seed)
+    def __init__(self, shaper: Shaper, rate: float, loss: float, seed: int = 1, sides: Optional[VethPair] = None,
+                 device: str = DEVICE) -> None:
+        self._shaper, self._device = shaper, device
+        self.sides: TwoSides = sides or (VethPair() if shaper.in_kernel else Lab(seed))
         try:
             self._limit(rate, 'add')
             self.set_loss(loss)
@@ -107,20 +121,19 @@ class ShapedLink:
             self.sides.set({'rate': rate, 'delay': LAB_DELAY, 'queue': self._shaper.queue,
                             'aggregate': self._shaper.aggregate})
         else:
-            for command in commands(self._shaper, rate, verb):
+            for command in commands(self._shaper, rate, verb, self._device):
                 self._checked('robot', command)
 
     def set_loss(self, loss: float) -> None:
         """Change the loss of UDP datagrams to the operator, 0..1."""
-        rules = 'table ip losing {}\ndelete table ip losing\n' + (loss_rules(loss) if loss else '')
-        self._checked('operator', ['nft', '-f', '-'], input=rules.encode())
+        self._checked('operator', ['nft', '-f', '-'], input=loss_rules(loss, self._device).encode())
 
     def sample(self) -> Sample:
         """The counters now."""
         if isinstance(self.sides, Lab):
             counts = self.sides.counts()['robot']
             return Sample(time.time(), Count(counts['carried'], counts['dropped']))
-        answer = self._checked('robot', ['tc', '-s', '-j', 'qdisc', 'show', 'dev', DEVICE])
+        answer = self._checked('robot', ['tc', '-s', '-j', 'qdisc', 'show', 'dev', self._device])
         return Sample(time.time(), counted(answer))
 
     def _checked(self, side: str, command: List[str], **options: Any) -> str:

@@ -64,13 +64,14 @@ def parse(name: str) -> Shaper:
     return Shaper(name, found.group('kind') or 'tbf', burst, queue)
 
 
-def commands(shaper: Shaper, rate: float, verb: str = 'add') -> List[List[str]]:
+def commands(shaper: Shaper, rate: float, verb: str = 'add', name: str = DEVICE) -> List[List[str]]:
     """The command lines that make a kernel's shaper at the robot's end of the link.
 
     :param rate: [bit/s]
     :param verb: add, or change where there is one already
+    :param name: of the device
     """
-    device = ['dev', DEVICE]
+    device = ['dev', name]
     if shaper.kind == 'tbf':
         return [['tc', 'qdisc', verb, *device, 'root', 'tbf', 'rate', '%dbit' % rate, 'burst', '%db' % shaper.burst,
                  'latency', '%gms' % (1e3 * shaper.queue)]]
@@ -80,16 +81,18 @@ def commands(shaper: Shaper, rate: float, verb: str = 'add') -> List[List[str]]:
             ['tc', 'qdisc', verb, *device, 'parent', '1:1', 'handle', '10:', 'bfifo', 'limit', '%db' % limit]]
 
 
-def loss_rules(loss: float) -> str:
-    """Rules of nft that lose UDP datagrams as they arrive, independently of each other.
+def loss_rules(loss: float, device: str = DEVICE) -> str:
+    """Rules of nft that lose UDP datagrams as they arrive, independently of each other. They replace those of before.
 
     The protocol is named by its number: a bare machine has no /etc/protocols.
 
     :param loss: 0..1
     """
-    return '\n'.join([
-        'table ip losing {', 'chain arriving {', 'type filter hook prerouting priority -300; policy accept;',
-        'iifname "%s" ip protocol 17 numgen random mod 1000 < %d drop' % (DEVICE, round(1000 * loss)), '}', '}', ''])
+    table = 'table ip losing_' + device
+    made = [
+        table + ' {', 'chain arriving {', 'type filter hook prerouting priority -300; policy accept;',
+        'iifname "%s" ip protocol 17 numgen random mod 1000 < %d drop' % (device, round(1000 * loss)), '}', '}']
+    return '\n'.join([table + ' {}', 'delete ' + table, *(made if loss else []), ''])
 
 
 class Count(NamedTuple):

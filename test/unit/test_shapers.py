@@ -26,6 +26,8 @@ def test_a_token_bucket_is_added_and_changed() -> None:
         'tc qdisc add dev air root tbf rate 300000bit burst 6000b latency 200ms']
     assert [' '.join(line) for line in commands(parse('tbf1.5/20'), 3e6, 'change')] == [
         'tc qdisc change dev air root tbf rate 3000000bit burst 1540b latency 20ms']
+    assert [' '.join(line) for line in commands(parse('tbf6'), 1e6, name='air2')] == [
+        'tc qdisc add dev air2 root tbf rate 1000000bit burst 6000b latency 200ms']
 
 
 def test_the_queue_of_a_hierarchical_one_is_as_long_as_its_name_says() -> None:
@@ -40,6 +42,13 @@ def test_the_queue_of_a_hierarchical_one_is_as_long_as_its_name_says() -> None:
 
 def test_losses_are_of_udp_that_comes_over_the_link() -> None:
     assert 'iifname "air" ip protocol 17 numgen random mod 1000 < 50 drop' in loss_rules(0.05).splitlines()
+    assert 'iifname "air2" ip protocol 17 numgen random mod 1000 < 200 drop' in loss_rules(0.2, 'air2').splitlines()
+
+
+def test_losses_replace_those_of_the_same_link_only() -> None:
+    assert loss_rules(0.0).splitlines() == ['table ip losing_air {}', 'delete table ip losing_air']
+    assert loss_rules(0.05, 'air2').splitlines()[:3] == [
+        'table ip losing_air2 {}', 'delete table ip losing_air2', 'table ip losing_air2 {']
 
 
 def test_counters_are_those_of_the_outermost_shaper_and_the_drops_of_all() -> None:
