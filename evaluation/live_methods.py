@@ -49,7 +49,8 @@ class Method:
     def _take(self, line: Any) -> None:
         self.taken.append(Taken(*line))
 
-    def _collect(self, side: str, module: Iterable[str], take: Callable[[Any], None]) -> None:
+    def _collect(self, side: str, module: Iterable[str],
+                 take: Callable[[Any], None]) -> 'subprocess.Popen[Any]':
         """Start a module on a side that writes lines of JSON."""
         process = self.stack.start(side, sys.executable, '-m', *module, cwd=str(TOP), stdout=subprocess.PIPE,
                                    universal_newlines=True)
@@ -58,6 +59,7 @@ class Method:
             for line in process.stdout:     # type: ignore[union-attr]
                 take(json.loads(line))
         threading.Thread(target=read, daemon=True).start()
+        return process
 
 
 class Nodes(Method):
@@ -108,7 +110,31 @@ def by_number(sizes: Iterable[Sized], numbers: Mapping[float, int]) -> Dict[int,
     return {number: one for number, one in found.items() if number is not None}
 
 
-class GStreamer(Method):
+class Peer(Method):
+    """What a user would send with instead. Of its two ends, the one that listens is started first."""
+
+    def __init__(self, stack: Stack, images: pathlib.Path) -> None:
+        super().__init__(stack, images)
+        self._shown: List[Shown] = []
+        self._ready = threading.Event()
+
+    def _await_ready(self, name: str) -> None:
+        """:raises RuntimeError: where the end that listens does not start"""
+        if not self._ready.wait(READY_TIMEOUT):
+            raise RuntimeError('%s does not start: see nodes.log' % name)
+
+    def _once_ready(self, take: Callable[[Any], None]) -> Callable[[Any], None]:
+        """The same function of a line, for the end that listens: its `null` says that it does."""
+        return lambda line: self._ready.set() if line is None else take(line)
+
+    def _show(self, line: Any) -> None:
+        self._shown.append(Shown(*line))
+
+    def shown(self) -> List[Shown]:
+        return list(self._shown)
+
+
+class GStreamer(Peer):
     """A pipeline on either side.
 
     :param bit_rate: of the encoder [kbit/s]
@@ -116,20 +142,8 @@ class GStreamer(Method):
 
     def __init__(self, stack: Stack, images: pathlib.Path, way: Way, bit_rate: int) -> None:
         super().__init__(stack, images)
-        self._shown: List[Shown] = []
-        self._ready = threading.Event()
         names: Dict[str, Any] = {**ADDRESSES, 'bit_rate': bit_rate}
         self._collect('operator', ['evaluation.gst_peer', 'receive', way.receiver.format(**names), str(images)],
-                      self._show)
-        if not self._ready.wait(READY_TIMEOUT):
-            raise RuntimeError('the pipeline of %s does not start: see nodes.log' % way.title)
+                      self._once_ready(self._show))
+        self._await_ready('the pipeline of %s' % way.title)
         self._collect('robot', ['evaluation.gst_peer', 'send', way.sender.format(**names)], self._take)
-
-    def _show(self, line: Any) -> None:
-        if line is None:
-            self._ready.set()
-        else:
-            self._shown.append(Shown(*line))
-
-    def shown(self) -> List[Shown]:
-        return list(self._shown)
