@@ -1,19 +1,22 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Two links at once beside each of them alone, live: the nodes as shipped, own masters, sealed.
 
-Needs root. The links are link_lab's, with seeds of their own. doc/own_masters.md, "A robot with several addresses", has
-results.
+Needs root. The links are link_lab's, with seeds of their own, or a kernel's shapers. Beside the nodes, JPEG over the
+kernel's multipath TCP. doc/own_masters.md, "A robot with several addresses", has results.
 """
 import argparse
 import pathlib
 import tempfile
 import time
-from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Sequence, Tuple
+from typing import Any, Callable, Dict, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Union
 
 from evaluation import TOP
 from evaluation.live_clip import Clip
 from evaluation.live_score import SETTLED, judged
-from evaluation.path_run import Conditions, PathRun, Seen
+from evaluation.mptcp_method import Jpeg
+from evaluation.path_links import Conditions, LabLinks, ShapedLinks
+from evaluation.path_run import PathRun, Seen
+from evaluation.shapers import Shaper, parse
 from smokebot_udp.demo.link import FIRST_OF_TWO as FIRST
 from smokebot_udp.demo.link import SECOND_OF_TWO as SECOND
 
@@ -32,6 +35,16 @@ BURSTS = {**FIRST, 'loss': 0.6, 'burst': 8.0}
 FAR = {**SECOND, 'delay': 0.15}
 """A link that loses 60 % in bursts of 50 ms, which are eight datagrams, and one of 150 ms."""
 
+TBF = parse('tbf6')
+"""The kernel's shaper: a token bucket with a burst of 6 kB and a queue of 200 ms, at the rates of FIRST and SECOND."""
+
+CUBIC, BBR = Jpeg(60, 'cubic'), Jpeg(60, 'bbr')
+"""JPEG over multipath TCP, its quality set by hand: images take 85 % of the rates of FIRST and SECOND together, headers
+included, as the bit rate of gst_pipelines does."""
+
+CUBIC_LOSSY = Jpeg(30, 'cubic')
+"""The same of what cubic gets of both links where 5 % are lost, 1.8 Mbit/s."""
+
 FAST, SLOW, SWAP_PERIOD = 20e6, 0.3e6, 3.0
 """Rates of two links that exchange them, and how often [bit/s, bit/s, s]."""
 
@@ -44,7 +57,11 @@ class Case(NamedTuple):
     name: str
     links: Tuple[Conditions, ...]
     swaps: bool = False
-    """Whether both links change their rates each SWAP_PERIOD."""
+    """Whether both links change their rates each SWAP_PERIOD. Those of the link lab can."""
+    shaper: Optional[Shaper] = None
+    """The kernel's, of each link; None: they are link_lab's."""
+    jpeg: Optional[Jpeg] = None
+    """See PathRun."""
 
 
 def lossy(link: Conditions, loss: float) -> Conditions:
@@ -52,10 +69,16 @@ def lossy(link: Conditions, loss: float) -> Conditions:
     return {**link, 'loss': loss}
 
 
-def ways(name: str, first: Conditions, second: Conditions) -> List[Case]:
+def ways(name: str, first: Conditions, second: Conditions, shaper: Optional[Shaper] = None) -> List[Case]:
     """Both links, and each of them alone."""
-    return [Case(name + ': both', (first, second)), Case(name + ': the first', (first,)),
-            Case(name + ': the second', (second,))]
+    return [Case('%s: %s' % (name, which), links, shaper=shaper) for which, links in (
+        ('both', (first, second)), ('the first', (first,)), ('the second', (second,)))]
+
+
+def multipath(name: str, loss: float, jpegs: Sequence[Jpeg], shaper: Optional[Shaper] = None) -> List[Case]:
+    """JPEG over multipath TCP by both links. A kernel's shaper loses no TCP."""
+    return [Case('%s: MPTCP, %s, JPEG %d' % (name, jpeg.congestion_control, jpeg.quality),
+                 (lossy(FIRST, loss), lossy(SECOND, loss)), shaper=shaper, jpeg=jpeg) for jpeg in jpegs]
 
 
 FAST_NOW, SLOW_NOW = {**FIRST, 'rate': FAST}, {**FIRST, 'rate': SLOW}
@@ -64,7 +87,10 @@ CASES = [*ways('0 %', FIRST, SECOND), Case('0 %: one of 2.7 Mbit/s', (ONE,)),
          *ways('half', HALF, HALF_SECOND), Case('half: one of 1.35 Mbit/s', ({**ONE, 'rate': 1.35e6},)),
          *ways('5 %', lossy(FIRST, 0.05), lossy(SECOND, 0.05)), Case('5 %: one of 2.7 Mbit/s', (lossy(ONE, 0.05),)),
          *ways('bursts, far', BURSTS, FAR),
-         Case('swapped: both', (FAST_NOW, SLOW_NOW), True), Case('steady: both', (FAST_NOW, SLOW_NOW))]
+         Case('swapped: both', (FAST_NOW, SLOW_NOW), True), Case('steady: both', (FAST_NOW, SLOW_NOW)),
+         *ways('tbf, 0 %', FIRST, SECOND, TBF), *ways('tbf, 5 %', lossy(FIRST, 0.05), lossy(SECOND, 0.05), TBF),
+         *multipath('0 %', 0.0, [CUBIC, BBR]), *multipath('5 %', 0.05, [CUBIC, CUBIC_LOSSY, BBR]),
+         *multipath('tbf, 0 %', 0.0, [CUBIC, BBR], TBF)]
 
 
 def options(arguments: Sequence[str]) -> argparse.Namespace:
@@ -88,14 +114,13 @@ def run(log: Log, quick: bool = False, arguments: Sequence[str] = ()) -> Dict[st
 
 def measured(case: Case, seconds: float, number: int, log: Log) -> Iterator[Row]:
     """The row of a case; none where no image comes."""
-    first, second = case.links[0], case.links[1] if len(case.links) > 1 else None
     try:
-        with tempfile.TemporaryDirectory() as scratch, PathRun(
-                first, second, pathlib.Path(scratch), RESULTS / 'nodes.log', 1 + 2 * number) as running:
+        with tempfile.TemporaryDirectory() as scratch, links_of(case, 1 + 2 * number) as links, PathRun(
+                links, pathlib.Path(scratch), RESULTS / 'nodes.log', case.jpeg) as running:
             running.settle(SETTLED)
             begun = running.moment()
-            if case.swaps:
-                swap(running, seconds)
+            if case.swaps and isinstance(links, LabLinks):
+                swap(links, seconds)
             else:
                 time.sleep(seconds)
             row = judged_row(case, running.seen(begun, running.moment()))
@@ -106,14 +131,19 @@ def measured(case: Case, seconds: float, number: int, log: Log) -> Iterator[Row]
     yield row
 
 
-def swap(running: PathRun, seconds: float) -> None:
+def links_of(case: Case, seed: int) -> Union[LabLinks, ShapedLinks]:
+    """The links of a case."""
+    return ShapedLinks(case.links, case.shaper) if case.shaper else LabLinks(case.links, seed)
+
+
+def swap(links: LabLinks, seconds: float) -> None:
     """Exchange the rates of both links each SWAP_PERIOD."""
     until, rates = time.monotonic() + seconds, (FAST, SLOW)
     while time.monotonic() < until:
         time.sleep(SWAP_PERIOD)
         rates = rates[::-1]
-        for link, rate in zip(running.links, rates):
-            link.set({**FIRST, 'rate': rate})
+        for lab, rate in zip(links.labs, rates):
+            lab.set({**FIRST, 'rate': rate})
 
 
 def judged_row(case: Case, seen: Seen) -> Row:

@@ -23,6 +23,8 @@
   live_camera (what is sent), live_methods (our nodes; or GStreamer: gst_pipelines, gst_peer), live_recorder (our
   screen), live_run (one method on one link), live_score and live_goals (how it is judged; pure), live_ideal (with the
   whole rate, offline), live_idle (what crosses beside the images).
+* Two links at once: path_links (of the link lab, or shaped), path_run (the same camera over them; or by mptcp_method
+  and mptcp_peer, JPEG over multipath TCP), path_cuts (one of them is cut).
 * processes: child processes that end with their parent.
 """
 import pathlib
