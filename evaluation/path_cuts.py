@@ -1,12 +1,16 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Cuts the preferred one of a robot's two addresses again and again.
 
-    sudo ./smokebot exec python3 -m evaluation.path_cuts [--cuts 50] [--seconds 5] [--loss 0.0] [--one]
+    sudo ./smokebot exec python3 -m evaluation.path_cuts [--cuts 50] [--seconds 5] [--loss 0.0]
+                                                        [--one | --by-hand]
 
 Own masters, sealed, the nodes and streams as shipped. The first link has 2 Mbit/s and 10 ms each way, the second one
 1 Mbit/s and 30 ms. Each cut begins at a random moment. It prints an object in JSON: of each topic the longest time
 without a message around each cut, and of images the highest age of the newest one. COMMAND is what the robot gets of a
-Twist that the desk publishes RATE times a second. --one: the second address is not given, for comparison.
+Twist that the desk publishes RATE times a second.
+
+For comparison, --one: the desk is given the first address only. --by-hand: likewise, and an operator notices each cut
+and its end after REACTION, and starts the receiver with the other address.
 """
 import argparse
 import json
@@ -21,6 +25,7 @@ from smokebot_udp.demo.link import FIRST_OF_TWO, SECOND_OF_TWO
 from smokebot_udp.link_lab.lab import ADDRESSES as HOSTS
 from smokebot_udp.link_lab.second_link import SECOND, SECOND_DEVICE, second_lab
 
+from . import processes
 from .listener import Heard, Listener
 from .own_masters import PORT, ROBOT, OwnMasters
 from .started import Started
@@ -31,6 +36,12 @@ COMMAND, RATE = '/cmd_vel', 20
 TWIST = '[0.2, 0, 0]', '[0, 0, 0]'
 SETTLED = 8.0
 """Until the rate fits the link [s]."""
+
+REACTION = 3.0
+"""Time until an operator who switches by hand has seen that a link is cut, or back [s]."""
+
+RESTART_TIMEOUT = 60.0
+"""A receiver by which nothing has come by then never will get anything [s]."""
 
 AROUND = 1.0
 """Messages count from this time before a cut until this time after it [s]."""
@@ -43,12 +54,14 @@ class PathCuts(Started):
     :param loss: of both links
     :param sender: arguments of robot_sender
     :param one_address: whether the desk has one address for both links, as in a network behind a router
+    :param by_hand: whether an operator switches between ADDRESSES; `addresses` is the first one then
     :raises LabError: as Lab
     """
 
     def __init__(self, addresses: Sequence[str] = ADDRESSES, loss: float = 0.0, log: Any = None,
-                 sender: Sequence[str] = (), one_address: bool = False) -> None:
+                 sender: Sequence[str] = (), one_address: bool = False, by_hand: bool = False) -> None:
         super().__init__()
+        self._by_hand = by_hand
         with self.starting():
             self.stack = self.enter_context(OwnMasters(7, log))
             self.second = self.enter_context(second_lab(self.stack.lab, 8))
@@ -62,7 +75,7 @@ class PathCuts(Started):
             self.stack.start_node('robot', 'simulated_robot', '_width:=320', '_height:=240')
             self.stack.start_sender(*sender)
             self.stack.wait_for_port()
-            self.stack.start_receiver(robot=','.join(addresses))
+            self._receiver = self.stack.start_receiver(robot=','.join(addresses))
             self.operator = Listener(self.stack)
             self.operator.subscribe([[topic, kind, 'TCPROS'] for topic, kind in TOPICS.items()])
             self.robot = Listener(self.stack, 'robot')
@@ -85,12 +98,38 @@ class PathCuts(Started):
         """Cut the first link for a time; what came meanwhile, and AROUND it: {topic: messages}."""
         begun = time.time()
         self.stack.lab.set({**self.first, 'loss': 1.0})
-        time.sleep(seconds)
+        if self._by_hand:
+            self._switch(ADDRESSES[1])
+        time.sleep(max(0.0, begun + seconds - time.time()))
         self.stack.lab.set(self.first)
+        if self._by_hand:
+            self._switch(ADDRESSES[0])
+            self._await_all()
         time.sleep(AROUND)
+        return self._heard_since(begun - AROUND)
+
+    def _heard_since(self, begun: float) -> Dict[str, List[Heard]]:
         heard = [one for listener in (self.operator, self.robot) for one in list(listener.heard)
-                 if one.arrival >= begun - AROUND and (one.topic != COMMAND or one.amount > 0)]
+                 if one.arrival >= begun and (one.topic != COMMAND or one.amount > 0)]
         return {topic: [one for one in heard if one.topic == topic] for topic in (*TOPICS, COMMAND)}
+
+    def _switch(self, address: str) -> None:
+        """End the receiver after REACTION, and start it with another address."""
+        time.sleep(REACTION)
+        processes.end(self._receiver)
+        self.stack.end(self._receiver)
+        self._receiver = self.stack.start_receiver(robot=address)
+
+    def _await_all(self) -> None:
+        """Wait until something comes on each topic.
+
+        :raises RuntimeError: where it does not
+        """
+        begun, deadline = time.time(), time.monotonic() + RESTART_TIMEOUT
+        while not all(self._heard_since(begun).values()):
+            if time.monotonic() > deadline:
+                raise RuntimeError('not everything comes again')
+            time.sleep(0.1)
 
     def idle_rate(self, seconds: float) -> float:
         """What the second link carries each way while the first one is good, the larger number [byte/s]."""
@@ -115,10 +154,13 @@ def main() -> None:
     parser.add_argument('--cuts', type=int, default=50)
     parser.add_argument('--seconds', type=float, default=5.0, help='of each cut')
     parser.add_argument('--loss', type=float, default=0.0, help='of both links')
-    parser.add_argument('--one', action='store_true', help='with the first address only')
+    given = parser.add_mutually_exclusive_group()
+    given.add_argument('--one', action='store_true', help='with the first address only')
+    given.add_argument('--by-hand', action='store_true', help='an operator switches between the addresses')
     arguments = parser.parse_args()
     moments, found = random.Random(1), {topic: [] for topic in (*TOPICS, COMMAND)}     # type: Any, Dict[str, List[Any]]
-    with PathCuts(ADDRESSES[:1] if arguments.one else ADDRESSES, arguments.loss) as run:
+    addresses = ADDRESSES[:1] if arguments.one or arguments.by_hand else ADDRESSES
+    with PathCuts(addresses, arguments.loss, by_hand=arguments.by_hand) as run:
         time.sleep(SETTLED)
         idle = run.idle_rate(5.0)
         run.drive()
