@@ -43,7 +43,7 @@ EXPERIMENTS = {
     'start_up': Experiment('link', 4),
     'own_masters': Experiment('link', 30, only_by_name=True),
     'joins': Experiment('link', 5, only_by_name=True),
-    'hostile': Experiment('link', 5, only_by_name=True),
+    'hostile': Experiment('link', 9, only_by_name=True),
     'way_back': Experiment('link', 75, only_by_name=True),
     'drive': Experiment('link', 6, only_by_name=True),
     'soak': Experiment('link', 30, only_by_name=True),
