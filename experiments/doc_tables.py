@@ -26,6 +26,9 @@ BLOCK = re.compile(r'<!-- table: ([\w/]+)(?: \(([^)]*)\))? -->\n(.*?)<!-- end --
 """Name, provenance or None, content."""
 
 UNKNOWN = 'not recorded'
+COLUMNS = 6
+"""Number of columns of the conditions."""
+
 WIDTH = 120
 """Maximum length of a line of a caption [characters]."""
 
@@ -138,14 +141,26 @@ def conditions_of(text: str, found: Mapping[str, Summary]) -> Table:
     rows: List[Sequence[Any]] = [
         [', '.join(names), source.commit, span(found[name]['date'] for name in names), source.seed, source.machine,
          highest_load([found[name] for name in names])] for source, names in sources.items()]
-    kept: Dict[str, List[str]] = {}
+    kept: Dict[Sequence[Any], List[str]] = {}
+    former = former_conditions(text)
     for name, provenance, _ in BLOCK.findall(text):
         experiment = name.split('/')[0]
-        if name != CONDITIONS and experiment not in found and experiment not in kept.setdefault(provenance, []):
-            kept[provenance].append(experiment)
-    rows += [[', '.join(names), *(provenance or UNKNOWN).partition(', ')[::2], None, None, None]
-             for provenance, names in kept.items()]
+        if name == CONDITIONS or experiment in found:
+            continue
+        commit, _, date = (provenance or UNKNOWN).partition(', ')
+        before = former.get(experiment)
+        row = before if before and before[0] == commit else (commit, date, None, None, None)
+        if experiment not in kept.setdefault(row, []):
+            kept[row].append(experiment)
+    rows += [[', '.join(names), *row] for row, names in kept.items()]
     return Table('', ['tables of', 'commit', 'measured', 'seed', 'machine', 'load before, at most'], rows)
+
+
+def former_conditions(text: str) -> Dict[str, Tuple[str, ...]]:
+    """{experiment: commit, time, seed, machine and load} as a page has them until now."""
+    tables = [content for name, _, content in BLOCK.findall(text) if name == CONDITIONS]
+    rows = [[cell.strip() for cell in line.split('|')[1:-1]] for table in tables for line in table.splitlines()]
+    return {name: tuple(row[1:]) for row in rows if len(row) == COLUMNS for name in row[0].split(', ')}
 
 
 def span(dates: Iterator[str]) -> str:

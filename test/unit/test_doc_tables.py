@@ -85,6 +85,20 @@ def test_a_block_is_made_of_the_results_and_the_others_are_kept(tmp_path: pathli
     assert path.read_text() == expected
 
 
+def test_the_conditions_of_what_is_kept_are_kept(tmp_path: pathlib.Path) -> None:
+    measured(tmp_path)
+    path = page(tmp_path)
+    doc_tables.write(tmp_path, pages=[path])
+    soak = '| soak | 0123456789 | 2026-01-31 10:00 UTC | 7 | another one | 2.5 |'
+    before = path.read_text().replace('| soak | 0123456789 | 2026-01-31 |  |  |  |', soak)
+    path.write_text(before)
+    doc_tables.write(tmp_path, pages=[path])
+    assert path.read_text() == before
+    path.write_text(before.replace('(0123456789, 2026-01-31)', '(1111111111, 2026-02-01)'))     # by hand, say
+    doc_tables.write(tmp_path, pages=[path])
+    assert '| soak | 1111111111 | 2026-02-01 |  |  |  |' in path.read_text()
+
+
 @pytest.mark.parametrize('other', [{'commit': '9999999999'}, {'dirty': True}, {'commit': None}])
 def test_results_of_more_than_one_state_of_the_code_are_refused(other: Dict[str, Any], tmp_path: pathlib.Path) -> None:
     measured(tmp_path)
