@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """What new subscribers of a map and of its updates get."""
+import threading
 from typing import Any, Dict, List
 
 import numpy as np
 import pytest
 from nav_msgs.msg import MapMetaData, OccupancyGrid
-from polling import give_time, wait_for
+from polling import WAIT, wait_for
 
 from smokebot_udp.nodes import map_publisher
 from smokebot_udp.nodes.map_publisher import MapPublisher
@@ -52,7 +53,10 @@ def test_an_update_that_overtakes_the_map_is_sent_again(monkeypatch: pytest.Monk
     for one in updates.published[1:]:
         assert (one.x, one.y, one.width, one.height) == (0, 0, 4, 3)
         assert np.array_equal(np.reshape(one.data, (3, 4)), cells)
+    monkeypatch.setattr(map_publisher, 'REFRESHES', (10 * WAIT,))       # none before the end
+    before = set(threading.enumerate())
     maps.listener.peer_subscribe('/map', None, new.append)
+    timer, = set(threading.enumerate()) - before
     publisher.unregister()
-    give_time(0.3)
-    assert len(updates.published) == 3
+    timer.join(WAIT)
+    assert not timer.is_alive() and len(updates.published) == 3
