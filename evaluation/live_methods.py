@@ -110,7 +110,7 @@ def by_number(sizes: Iterable[Sized], numbers: Mapping[float, int]) -> Dict[int,
     return {number: one for number, one in found.items() if number is not None}
 
 
-class Peer(Method):
+class PeerMethod(Method):
     """What a user would send with instead. Of its two ends, the one that listens is started first."""
 
     def __init__(self, stack: Stack, images: pathlib.Path) -> None:
@@ -134,7 +134,7 @@ class Peer(Method):
         return list(self._shown)
 
 
-class GStreamer(Peer):
+class GStreamer(PeerMethod):
     """A pipeline on either side.
 
     :param bit_rate: of the encoder [kbit/s]

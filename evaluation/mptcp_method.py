@@ -8,13 +8,13 @@ from smokebot_udp.link_lab.lab import ADDRESSES
 from smokebot_udp.link_lab.link_trace import SIDES
 from smokebot_udp.link_lab.second_link import SECOND, SECOND_DEVICE
 
-from .live_methods import Peer
+from .live_methods import PeerMethod
 from .mptcp_peer import open_socket
 from .stack import Stack
 
 LIMITS = 'limits set subflows 4 add_addr_accepted 4'
 SECOND_ADDRESS = 'endpoint add %s dev %s signal' % (SECOND['robot'], SECOND_DEVICE)
-"""The robot tells its second address, and the operator connects to it by the second link, as its routes say."""
+"""The robot announces its second address, to which the operator's routes lead by the second link."""
 
 
 class Jpeg(NamedTuple):
@@ -25,7 +25,7 @@ class Jpeg(NamedTuple):
     """On each path of the connection."""
 
 
-class MultipathTcp(Peer):
+class MultipathTcp(PeerMethod):
     """JPEG over a connection with a path over each of two links.
 
     :raises RuntimeError: where this machine has no multipath TCP

@@ -16,6 +16,10 @@ class PathPolicy(NamedTuple):
     metered: bool = False
     """Whether its bytes cost: beside another path it carries only what that one cannot carry of the cheapest images."""
 
+    def limited(self, rate: float) -> float:
+        """What streams may take of what the path carries [byte/s]."""
+        return min(self.weight * rate, self.max_rate)
+
 
 class PathUse(NamedTuple):
     """A path by which a peer gets what is sent."""

@@ -21,7 +21,7 @@ from typing import Any, List, Optional, Sequence, Tuple
 from ..monitoring.stats import PathRates
 from ..monitoring.windows import Rate
 from ..newest import Newest
-from ..paths import PathUse
+from ..paths import PathPolicy, PathUse
 from .estimator import Estimator, Limits, Link
 from .feedback import Feedback, FeedbackReader
 from .sent_history import SentHistory
@@ -77,8 +77,8 @@ class _Path:
         """The interface, or the operator's host."""
         self.since = since
         """What was sent earlier says nothing about it; -inf: all says something [s]."""
-        self.weight, self.max_rate = 1.0, math.inf
-        """See PathPolicy; a path that costs may carry less [1, byte/s]."""
+        self.policy = PathPolicy()
+        """How it may be used; of a path that costs, with the maximum rate that holds now."""
         self.heard = since
         """When it was known to be alive [s]."""
         self.busy = -math.inf
@@ -88,12 +88,12 @@ class _Path:
     @property
     def rate(self) -> float:
         """What may be sent by it now [byte/s]."""
-        return min(self.weight * self.estimator.rate, self.max_rate)
+        return self.policy.limited(self.estimator.rate)
 
     @property
     def capacity(self) -> float:
         """What streams may take of it [byte/s]."""
-        return min(self.weight * self.estimator.link.capacity, self.max_rate)
+        return self.policy.limited(self.estimator.link.capacity)
 
     @property
     def total(self) -> int:
@@ -186,11 +186,10 @@ class Bundle:
             self._paths[1:] = [self._path(one.key, FeedbackReader(self._history), now) for one in used[1:]]
             self._train_left = 0.0
         for path, one in zip(self._paths, used):
-            path.heard, path.weight = max(path.heard, now - one.silence), one.policy.weight
-            path.name, path.max_rate = one.name, one.policy.max_rate
+            path.heard, path.name, path.policy = max(path.heard, now - one.silence), one.name, one.policy
             if one.policy.metered and len(used) > 1 and not used[0].is_quiet:
                 needed = self.base if self._lacks(used[0] if path is self._paths[1] else used[1]) else TRICKLE
-                path.max_rate = min(path.max_rate, needed)
+                path.policy = one.policy._replace(max_rate=min(one.policy.max_rate, needed))
         if len(self._paths) > 1:
             for path in self._paths:
                 path.reader.is_shared = True
@@ -207,8 +206,7 @@ class Bundle:
         known = self._known.get(use.key)
         if known is None:
             return False
-        capacity = min(use.policy.weight * known.estimator.link.capacity, use.policy.max_rate)
-        return capacity < (ENOUGH if len(self._paths) > 1 else 1.0) * self.base
+        return use.policy.limited(known.estimator.link.capacity) < (ENOUGH if len(self._paths) > 1 else 1.0) * self.base
 
     def _is_useful(self, second: PathUse, first: PathUse, now: float) -> bool:
         """Whether something goes by a second path: it is alive, and if it costs, it is needed."""

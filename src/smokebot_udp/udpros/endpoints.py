@@ -257,7 +257,7 @@ class BatchSender:
 
 
 def _controls(via: Via) -> List[Control]:
-    """What sendmsg is told of the interface."""
+    """The control messages of sendmsg by which a datagram leaves so."""
     if via == KERNELS:
         return []
     info = struct.pack('=I', via.interface) + struct.pack('!II', via.source, 0)
