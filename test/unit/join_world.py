@@ -17,7 +17,7 @@ from smokebot_udp.link.tables import Local, Role, Topic
 from smokebot_udp.msg import RelaySegment
 from smokebot_udp.streams import classified, config, encoder_class
 from smokebot_udp.streams.segments import INFO, MAIN_PART, wire_topic
-from smokebot_udp.udpros.endpoints import KERNELS, Via
+from smokebot_udp.udpros.control_messages import KERNELS, Via
 
 STREAMS = pathlib.Path(__file__).resolve().parents[2] / 'config' / 'streams.yaml'
 STEP = 0.02

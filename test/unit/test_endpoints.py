@@ -15,14 +15,14 @@ import pytest
 from polling import WAIT
 
 from smokebot_udp import traffic
-from smokebot_udp.udpros import endpoints
+from smokebot_udp.udpros import control_messages, endpoints
+from smokebot_udp.udpros.control_messages import Via
 from smokebot_udp.udpros.endpoints import (
     BatchSender,
     ClockOffset,
     DatagramReceiver,
     DatagramSender,
     PeerGone,
-    Via,
     addresses_of,
     interface_name,
     path_payload,
@@ -327,7 +327,7 @@ def headers() -> Any:
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as bound:
         bound.bind(('127.0.0.1', 0))
         bound.settimeout(WAIT)
-        bound.setsockopt(socket.IPPROTO_IP, endpoints.IP_RECVTOS, 1)
+        bound.setsockopt(socket.IPPROTO_IP, control_messages.IP_RECVTOS, 1)
 
         def read(count) -> Any:
             found = []

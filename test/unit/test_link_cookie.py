@@ -4,7 +4,7 @@ from link_channel import random_bytes
 
 from smokebot_udp.link.cookie import LIFETIME, CookieJar
 from smokebot_udp.link.place import Place
-from smokebot_udp.udpros.endpoints import Via
+from smokebot_udp.udpros.control_messages import Via
 
 PLACE = Place(0x0a000009, 40001)
 NONCE = 7

@@ -26,7 +26,7 @@ LAYERS = {
     'link_lab': {'udpros', 'msg'},
     'mission_report': {'codecs', 'monitoring.computer', 'streams.config', 'streams.image.source',
                        'streams.recorded_topics'},
-    'link': {'udpros.datagram', 'udpros.depacketizer', 'udpros.endpoints', 'udpros.frame',
+    'link': {'udpros.control_messages', 'udpros.datagram', 'udpros.depacketizer', 'udpros.endpoints', 'udpros.frame',
              'udpros.loss_emulation', 'udpros.packetizer', 'udpros.records', 'udpros.sequence'},
     'teleop': {'monitoring.clock_offset', 'monitoring.windows'}, 'reliable': set(),
     'capture': {'codecs', 'reliable.round_trip'},

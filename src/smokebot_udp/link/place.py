@@ -7,7 +7,8 @@ one interface for each address of the other side; a robot with two modems is ask
 from typing import NamedTuple, Tuple
 
 from ..arrays import Records
-from ..udpros.endpoints import KERNELS, Via, interface_name
+from ..udpros.control_messages import KERNELS, Via
+from ..udpros.endpoints import interface_name
 
 Address = Tuple[str, int]
 """Host and port."""

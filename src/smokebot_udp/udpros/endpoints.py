@@ -15,12 +15,13 @@ import socket
 import struct
 import threading
 import time
-from typing import Any, Counter, Dict, List, NamedTuple, Optional, Sequence, Set, Tuple, Union
+from typing import Any, Counter, Optional, Sequence, Set, Tuple, Union
 
 import numpy as np
 
 from .. import traffic
 from ..arrays import Array, DType, IntArray, Records, UInt8Array
+from .control_messages import CONTROL_SIZE, KERNELS, Control, ControlMessages, Via, controls_of
 from .datagram import IP_UDP_HEADERS, UDP_MAX_PAYLOAD, Buffer
 
 UDP_SEGMENT = 103           # linux/udp.h: cut the data into datagrams of this size
@@ -28,10 +29,7 @@ MAX_SEGMENTS = 64           # linux/udp.h: UDP_MAX_SEGMENTS of the oldest kernel
 SO_RCVBUFFORCE = 33         # asm-generic/socket.h: beyond rmem_max, for privileged processes
 SO_MEMINFO = 55             # asm-generic/socket.h: the socket's memory statistics, with the drops at this index:
 MEMINFO_DROPS = 8           # linux/sock_diag.h: SK_MEMINFO_DROPS
-SO_TIMESTAMPNS = 35         # asm-generic/socket.h: a control message holds the time of arrival
 SO_PRIORITY = 12            # asm-generic/socket.h: of datagrams in this machine's queues
-IP_PKTINFO = 8              # linux/in.h: a control message says by which interface
-IP_RECVTOS = 13             # linux/in.h: a control message holds the second byte of the IP header
 IP_MTU = 14                 # linux/in.h: the path MTU of a connected socket
 MAP_POPULATE = 0x8000       # asm-generic/mman.h, and x86; Python 3.8 does not name it
 
@@ -58,24 +56,6 @@ MAX_POPULATED = 1 << 20
 READING_ERROR = 1e-5
 """Error of reading a clock, its resolution included [s]."""
 
-SIZE_T = np.dtype(np.uintp)
-
-_HEADER = [('length', np.uintp), ('level', '=i4'), ('type', '=i4')]
-
-TIMESTAMP: DType = np.dtype([*_HEADER, ('seconds', np.int_), ('nanoseconds', np.int_)])
-"""A control message with a struct timespec."""
-
-PKTINFO: DType = np.dtype([*_HEADER, ('interface', '=u4'), ('local', '>u4'), ('to', '>u4')], align=True)
-"""A control message with a struct in_pktinfo: the interface's index, the address to which answers come, and that to
-which the datagram went."""
-
-TOS: DType = np.dtype([*_HEADER, ('value', np.uint8, (SIZE_T.itemsize,))])
-"""A control message with the second byte of the IP header, the first one of its `value`."""
-
-CONTROLS = ((socket.SOL_SOCKET, SO_TIMESTAMPNS, SO_TIMESTAMPNS, TIMESTAMP),
-            (socket.IPPROTO_IP, IP_PKTINFO, IP_PKTINFO, PKTINFO), (socket.IPPROTO_IP, IP_RECVTOS, socket.IP_TOS, TOS))
-"""Level, option, type and layout of the control messages asked for, in the order in which the kernel adds them."""
-
 SOCKADDR_IN: DType = np.dtype([('family', '=u2'), ('port', '>u2'), ('address', '>u4'), ('interface', '=u4'),
                                ('local', '>u4')])
 """With the first fields of PKTINFO in place of its zeros."""
@@ -83,26 +63,8 @@ SOCKADDR_IN: DType = np.dtype([('family', '=u2'), ('port', '>u2'), ('address', '
 LOOPBACK = 0x7f000000, 0xff000000
 """127.0.0.0/8: network and mask."""
 
-LOOPBACK_INTERFACE = 1
-"""Its index on each Linux. What comes by it came from this machine, by the kernel's routes."""
-
 Address = Tuple[str, int]
 """Host and port."""
-
-
-class Via(NamedTuple):
-    """How a datagram leaves this machine."""
-    interface: int = 0
-    """Index of the interface; 0: as the kernel's routes say."""
-    source: int = 0
-    """IPv4 address from which it leaves; 0: the kernel's choice."""
-
-
-KERNELS = Via()
-"""As the kernel's routes say."""
-
-Control = Tuple[int, int, bytes]
-"""A control message of sendmsg: level, type, data."""
 
 
 class PeerGone(Exception):
@@ -194,7 +156,7 @@ class BatchSender:
         :return: how many datagrams were sent, 1 or 0
         :raises PeerGone: if the socket is connected, and the peer closed its port
         """
-        return self._try_to_send(parts, _controls(via), 1, time.monotonic() + SEND_TIMEOUT, to)
+        return self._try_to_send(parts, controls_of(via), 1, time.monotonic() + SEND_TIMEOUT, to)
 
     def send(self, datagrams: Union[Buffer, UInt8Array], size: int, count: int, to: Optional[Address] = None,
              via: Via = KERNELS) -> int:
@@ -207,7 +169,7 @@ class BatchSender:
         """
         data: Any = datagrams
         view, sent = memoryview(data).cast('B'), 0
-        deadline, controls = time.monotonic() + SEND_TIMEOUT, _controls(via)
+        deadline, controls = time.monotonic() + SEND_TIMEOUT, controls_of(via)
         burst = size * min(MAX_SEGMENTS, UDP_MAX_PAYLOAD // size)
         for start in range(0, count * size, burst):
             sent += self._send_burst(view[start:start + burst], size, controls, deadline, to)
@@ -254,14 +216,6 @@ class BatchSender:
                     raise
                 self.failures[errno.errorcode.get(error.errno or 0, str(error.errno))] += count
                 return 0
-
-
-def _controls(via: Via) -> List[Control]:
-    """The control messages of sendmsg by which a datagram leaves so."""
-    if via == KERNELS:
-        return []
-    info = struct.pack('=I', via.interface) + struct.pack('!II', via.source, 0)
-    return [(socket.IPPROTO_IP, IP_PKTINFO, info)]
 
 
 class DatagramSender(BatchSender):
@@ -364,7 +318,7 @@ class DatagramReceiver:
         self._offset = ClockOffset()
         self._poll = select.poll()
         self._poll.register(self.socket, select.POLLIN)
-        self._messages: Dict[int, Tuple[int, int, Records]] = {}    # {type: (level, where it ends, in each slot)}
+        self._controls: Optional[ControlMessages] = None
         self._recvmmsg = _find_recvmmsg() if recvmmsg else None
         if self._recvmmsg:
             self._prepare()
@@ -386,18 +340,9 @@ class DatagramReceiver:
         header['iov'] = self._iovecs.ctypes.data + self._iovecs.strides[0] * np.arange(self.batch)
         header['iovlen'] = 1
         self._lengths = self._headers['len']
-        self._control = _mapped((self.batch, sum(layout.itemsize for _, _, _, layout in CONTROLS)), np.uint8)
-        header['control'] = self._control.ctypes.data + self._control.strides[0] * np.arange(self.batch)
-        self._control_lengths = header['controllen']
-        offset = 0
-        for level, option, kind, layout in CONTROLS:
-            try:
-                self.socket.setsockopt(level, option, 1)
-            except OSError:     # a sandbox
-                continue
-            records: Records = np.ndarray((self.batch,), layout, self._control, offset, self._control.strides[:1])
-            self._messages[kind] = level, offset + layout.itemsize, records
-            offset += layout.itemsize
+        room = _mapped((self.batch, CONTROL_SIZE), np.uint8)
+        header['control'] = room.ctypes.data + room.strides[0] * np.arange(self.batch)
+        self._controls = ControlMessages(self.socket, room, header['controllen'])
 
     def wait(self, timeout: float) -> bool:
         """Wait until there is something to receive (or an error to clear); False after timeout [s]."""
@@ -408,9 +353,9 @@ class DatagramReceiver:
 
         :raises OSError: if the socket fails
         """
-        if self._recvmmsg is None:
+        if self._recvmmsg is None or self._controls is None:
             return self._receive_one_by_one()
-        self._control_lengths[:] = self._control.shape[1]
+        self._controls.clear()
         count: int = self._recvmmsg(
             self.socket.fileno(), self._headers.ctypes.data, self.batch, socket.MSG_DONTWAIT, None)
         if count < 0:
@@ -419,25 +364,8 @@ class DatagramReceiver:
                 return 0
             raise OSError(number, 'recvmmsg')
         self.lengths[:count] = self._lengths[:count]
-        self._say_how(count)
+        self._controls.say_how(self.sources[:count])
         return count
-
-    def _say_how(self, count: int) -> None:
-        """Add to the senders how their datagrams came."""
-        rows, records = self._control_messages(IP_PKTINFO, np.arange(count))
-        if records is not None:
-            found = self.sources[:count]
-            found['local'][rows] = records['local'][rows]
-            found['interface'][rows] = records['interface'][rows]
-            found['interface'][found['interface'] == LOOPBACK_INTERFACE] = 0
-
-    def _control_messages(self, kind: int, rows: IntArray) -> Tuple[IntArray, Optional[Records]]:
-        """(those of some rows that have a control message of a type, its records of all rows; None: there are none)."""
-        if kind not in self._messages or not len(rows):
-            return rows[:0], None
-        level, end, records = self._messages[kind]
-        has = (self._control_lengths[rows] >= end) & (records['level'][rows] == level) & (records['type'][rows] == kind)
-        return rows[has], records
 
     def _receive_one_by_one(self) -> int:
         if self.socket.fileno() < 0:
@@ -453,18 +381,15 @@ class DatagramReceiver:
     def arrival(self, row: int) -> float:
         """When a row's datagram reached this machine, by time.monotonic(); now, if the kernel does not say [s]."""
         now = time.monotonic()
-        rows, records = self._control_messages(SO_TIMESTAMPNS, np.array([row]))
-        if records is None or not len(rows):
+        at = None if self._controls is None else self._controls.arrived(row)
+        if at is None:
             return now
-        arrived = float(records['seconds'][row]) + 1e-9 * float(records['nanoseconds'][row]) - self._offset()
+        arrived = at - self._offset()
         return arrived if 0 <= now - arrived <= MAX_QUEUEING else now
 
     def marked(self, rows: IntArray) -> int:
         """How many of some rows' datagrams a congested queue has marked (ECN)."""
-        rows, records = self._control_messages(socket.IP_TOS, rows)
-        if records is None:
-            return 0
-        return int(np.count_nonzero(records['value'][rows, 0] & traffic.ECN == traffic.CE))
+        return 0 if self._controls is None else self._controls.marked(rows)
 
     def shortage(self, wanted: int) -> Optional[str]:
         """What to do where the kernel has not granted a receive buffer of `wanted` bytes; None: it has."""

@@ -78,7 +78,7 @@ class _Sent:
     """Number and layers of its reference."""
 
     def error(self, layers: int) -> float:
-        """Mean squared error of so many of its layers, or of all that it has [count^2]."""
+        """Mean squared error with this number of its layers, or with all where it has fewer [count^2]."""
         return self.errors[min(layers, len(self.errors)) - 1]
 
 
