@@ -150,12 +150,22 @@ def test_what_was_left_out_was_not_sent() -> None:
     history.add('thermal', 9, 1, SIZE, 1.3)
     assert own.total == 4200 and history.total == 9200
     assert own.totals('thermal') == (4, 4000) and own.totals('tf') == (1, 200) and own.totals('map') == (0, 0)
-    assert own.find('thermal', 3) == (1.0, SIZE, 3000)
-    assert own.find('tf', 1) == (1.1, 200, 3200)
-    assert own.find('thermal', 9) == (1.3, SIZE, 4200)
+    assert own.find('thermal', 3) == (1.0, SIZE, 3000, 3000)
+    assert own.find('tf', 1) == (1.1, 200, 3200, 200)
+    assert own.find('thermal', 9) == (1.3, SIZE, 4200, SIZE)
     assert [own.find('thermal', seq) for seq in (4, 5, 6, 8)] == [None] * 4
     assert (own.sent_between('thermal', 3, 9), own.sent_between('thermal', 1, 4)) == (1, 2)
     assert own.reached('thermal', 9) and not own.reached('thermal', 10)
+
+
+def test_what_was_left_out_was_not_sent_together_with_others() -> None:
+    history = SentHistory()
+    own = OperatorHistory(history)
+    history.add('tf', 1, 1, 200, 1.0)
+    history.add('thermal', 1, 5, SIZE, 1.0)
+    own.leave_out('thermal', 4, 2, SIZE, 1.0)
+    history.add('tf', 2, 1, 200, 1.0)
+    assert own.find('tf', 2) == (1.0, 200, 3400, 3400)
 
 
 def test_sequence_numbers_wrap() -> None:
@@ -176,7 +186,7 @@ def test_memory_is_bounded_and_recent_datagrams_stay_known() -> None:
         own.leave_out('thermal', 2 * k + 2, 1, SIZE, float(k))
     assert own.total == count * SIZE and own.totals('thermal') == (count, count * SIZE)
     assert own.find('thermal', 2 * count) is None
-    assert own.find('thermal', 2 * count - 1) == (count - 1.0, SIZE, count * SIZE)
+    assert own.find('thermal', 2 * count - 1) == (count - 1.0, SIZE, count * SIZE, SIZE)
     assert own.sent_between('thermal', 2 * count - 201, 2 * count - 1) == 100
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-from smokebot_udp.congestion.sent_history import MAX_AGE, MAX_BURSTS, MIN_BURSTS, SentHistory, stream_of
+from smokebot_udp.congestion.sent_history import MAX_AGE, MAX_BURSTS, MIN_BURSTS, TOGETHER, SentHistory, stream_of
 
 
 def test_a_datagram_is_found_with_the_total_sent_by_then() -> None:
@@ -7,10 +7,10 @@ def test_a_datagram_is_found_with_the_total_sent_by_then() -> None:
     history.add('thermal', 1, 3, 1000, 10.0)
     history.add('tf', 7, 1, 200, 10.1)
     history.add('thermal', 4, 2, 500, 10.2)
-    assert history.find('thermal', 1) == (10.0, 1000, 1000)
-    assert history.find('thermal', 3) == (10.0, 1000, 3000)
-    assert history.find('tf', 7) == (10.1, 200, 3200)
-    assert history.find('thermal', 5) == (10.2, 500, 4200)
+    assert history.find('thermal', 1) == (10.0, 1000, 1000, 1000)
+    assert history.find('thermal', 3) == (10.0, 1000, 3000, 3000)
+    assert history.find('tf', 7) == (10.1, 200, 3200, 200)
+    assert history.find('thermal', 5) == (10.2, 500, 4200, 1000)
     assert history.total == 4200
     assert history.totals('thermal') == (5, 4000)
 
@@ -20,9 +20,19 @@ def test_the_parts_of_a_stream_are_numbered_by_themselves_and_add_up() -> None:
     history.add('thermal', 1, 3, 1000, 10.0)
     history.add('thermal/layers', 1, 2, 700, 10.1)
     history.add('thermal2', 1, 1, 99, 10.1)
-    assert history.find('thermal/layers', 1) == (10.1, 700, 3700) and history.totals('thermal') == (3, 3000)
+    assert history.find('thermal/layers', 1) == (10.1, 700, 3700, 700) and history.totals('thermal') == (3, 3000)
     assert history.bytes_of('thermal') == 4400 and history.bytes_of('thermal2') == 99 and history.bytes_of('tf') == 0
     assert [stream_of(name) for name in ('thermal', 'thermal/layers')] == ['thermal', 'thermal']
+
+
+def test_what_is_sent_within_a_moment_is_sent_together() -> None:
+    history = SentHistory()
+    history.add('tf', 1, 1, 200, 1.0)
+    history.add('thermal', 1, 3, 1000, 1.0 + 0.9 * TOGETHER)
+    history.add_besides(50)
+    history.add('tf', 2, 1, 200, 1.0 + 1.1 * TOGETHER)
+    assert [history.find('thermal', seq).together for seq in (1, 3)] == [1200, 3200]
+    assert history.find('tf', 2).together == 200
 
 
 def test_a_datagram_that_was_never_sent_is_not_found() -> None:
@@ -54,7 +64,7 @@ def test_a_numbering_that_starts_again_replaces_the_old_one() -> None:
     history = SentHistory()
     history.add('thermal', 100, 5, 10, 1.0)
     history.add('thermal', 1, 2, 10, 2.0)
-    assert history.find('thermal', 2) == (2.0, 10, 70)
+    assert history.find('thermal', 2) == (2.0, 10, 70, 20)
     assert history.find('thermal', 102) is None
 
 

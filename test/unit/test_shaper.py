@@ -6,7 +6,7 @@ import pytest
 
 from evaluation.simulated_paths import TokenBucket
 from smokebot_udp.congestion.feedback import PacketSample
-from smokebot_udp.congestion.shaper import MAX_DURATION, SAME_RATE, Shaper
+from smokebot_udp.congestion.shaper import MAX_DURATION, SAME_RATE, SURE, Shaper
 
 RATE, SIZE = 125000.0, 1000
 
@@ -117,6 +117,28 @@ def test_a_path_with_another_rate_has_another_bucket() -> None:
     assert sent.shaper.depth > 0
     sent.shaper.learn(2 * RATE, 0.0)
     assert sent.shaper.depth == 0
+
+
+def test_a_depth_that_is_sure_outlives_a_change_of_the_rate() -> None:
+    """As that of tbf, whose rate is changed. What queues showed beside it is forgotten."""
+    sent = Sent(6000.0)
+    for _ in range(SURE + 1):
+        sent.report((0.5, 30))
+    known = sent.shaper.depth
+    assert known == pytest.approx(6000.0, abs=SIZE)
+    sent.path.rate = 4 * RATE
+    sent.report((0.5, 30), (0.5, 40), measured=False)
+    for _ in range(2):
+        sent.shaper.learn(4 * RATE, 0.0)
+    assert sent.shaper.depth == known
+
+
+def test_what_was_sent_together_has_spent_its_tokens_together() -> None:
+    """Of five datagrams that left at once after a pause, only the last one has a sample."""
+    shaper = Shaper()
+    shaper.depth = 6000.0
+    first, last = PacketSample(1.0, 1.01, SIZE, 1000), PacketSample(1.2, 1.21, SIZE, 6000, 5 * SIZE)
+    assert shaper.follow([first, last], [0.0, 0.0], RATE, 0.002)[-1].tokens == 6000.0 - 5 * SIZE
 
 
 def test_what_no_sample_tells_of_was_sent_evenly() -> None:

@@ -5,7 +5,8 @@ from typing import Optional
 
 import pytest
 
-from smokebot_udp.congestion.feedback import PacketSample
+from smokebot_udp.congestion.feedback import Feedback, PacketSample
+from smokebot_udp.congestion.path import Observation
 from smokebot_udp.congestion.trains import (
     AT_ONCE,
     BEYOND,
@@ -21,6 +22,7 @@ from smokebot_udp.congestion.trains import (
     MAX_PLANNED,
     MAX_RETRY_INTERVAL,
     MAX_STEP,
+    MIN_PACKETS,
     NEXT_GAIN,
     REACHED,
     REFILL_INTERVALS,
@@ -37,8 +39,12 @@ def newest(total: int) -> PacketSample:
 
 
 def due(probes: ProbeController, capacity: float, total: int, now: float, unreported: int = 0, depth: float = 0.0,
-        empty: bool = True, wanted: bool = True, wished: bool = False, noise: float = 0.01) -> Optional[Train]:
-    return probes.next(capacity, depth, noise, empty, wanted, wished, newest(total), unreported, now)
+        empty: bool = True, wanted: bool = True, wished: bool = False, noise: float = 0.01, wait: float = 0.0
+        ) -> Optional[Train]:
+    chain = [newest(total)]
+    seen = Observation(now, Feedback(chain, 0.01, 1, 1, unreported, False), chain, [wait], chain[0], wait, noise, 0.0,
+                       0.0, 0.0, 0.0)
+    return probes.next(seen, capacity, depth, empty, wanted, wished)
 
 
 def test_trains_get_faster_after_success_and_wait_after_failure() -> None:
@@ -99,21 +105,56 @@ def test_a_train_exceeds_the_tokens_of_a_shaper_and_streams_are_planned_for_it()
     probes, capacity, depth = ProbeController(), 1e5, 6000.0
     train = due(probes, capacity, 0, 1.0, depth=depth)
     assert train is not None and train.rate == AT_ONCE * capacity
+    message, ordinary = train.size - DUE_TIME * capacity, DUE_TIME * 0.9 * capacity
     # a message that fills it has the tokens, those that come meanwhile, and enough beyond
-    assert FILLED * train.size * (1 - 1 / AT_ONCE) == pytest.approx(depth + (BEYOND + BEYOND_NOISE * 0.01) * capacity)
-    assert train.size < MAX_PLANNED * DUE_TIME * capacity
+    assert FILLED * message * (1 - 1 / AT_ONCE) == pytest.approx(depth + (BEYOND + BEYOND_NOISE * 0.01) * capacity)
+    assert message < MAX_PLANNED * DUE_TIME * capacity
     budget = 0.9 * capacity
-    assert probes.planned(budget, 0) == pytest.approx(train.size / (DUE_TIME * budget))
-    assert probes.planned(budget, FILLED * train.size) == 1         # the message after it is none of the train
+    assert probes.planned(budget, 0) == pytest.approx(message / (DUE_TIME * budget))
+    assert probes.planned(budget, ordinary) == probes.planned(budget, 0)    # this one was being made before
+    assert probes.planned(budget, FILLED * message) < 1.3                   # the one after it is none of the train
+    assert probes.planned(budget, ordinary + FILLED * message) == 1
     quiet = due(ProbeController(), capacity, 0, 1.0, depth=depth, noise=0.0)
     assert quiet is not None and quiet.size < train.size - 0.03 * capacity
     assert probes.most(0.9 * LASTING * capacity) == pytest.approx(MAX_STEP * capacity)
     assert probes.most(1.1 * LASTING * capacity) == pytest.approx(MAX_LASTING_STEP * capacity)
-    assert due(probes, capacity, math.ceil(train.size), 1.3, depth=depth) is None
-    retry = RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity
-    assert due(probes, capacity, math.ceil(train.size), 1.25 + retry, depth=depth) is None
-    assert due(probes, capacity, math.ceil(train.size), 1.35 + retry, depth=depth) is not None
     assert ProbeController().planned(capacity, 0) == 1
+
+
+def test_a_train_that_waited_behind_a_shaper_is_followed_once_there_are_tokens() -> None:
+    probes, capacity, depth = ProbeController(), 1e5, 6000.0
+    train = due(probes, capacity, 0, 1.0, depth=depth)
+    assert train is not None
+    came, retry = math.ceil(train.size), RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity
+    assert due(probes, capacity, came - 1, 1.2, depth=depth, wait=0.05) is None
+    assert due(probes, capacity, came, 1.3, depth=depth) is None
+    assert due(probes, capacity, came, 1.25 + retry, depth=depth) is None
+    assert due(probes, capacity, came, 1.35 + retry, depth=depth) is not None
+
+
+def test_a_train_for_which_too_little_was_due_is_followed_soon() -> None:
+    """Behind a shaper, too: where nothing waited, it cost nothing."""
+    probes, capacity, depth = ProbeController(), 1e5, 6000.0
+    train = due(probes, capacity, 0, 1.0, depth=depth)
+    assert train is not None and due(probes, capacity, math.ceil(train.size), 1.3, depth=depth) is None
+    assert due(probes, capacity, math.ceil(train.size), 1.35 + CLEAR_RETRY_INTERVAL, depth=depth) is not None
+
+
+def test_a_train_behind_a_shaper_that_showed_more_is_followed_at_once() -> None:
+    """What was to leave beside it shows nothing."""
+    probes, capacity, depth = ProbeController(), 1e5, 6000.0
+    train = due(probes, capacity, 0, 1.0, depth=depth)
+    assert train is not None
+    again = due(probes, 2 * capacity, math.ceil(train.size - DUE_TIME * capacity), 1.1, depth=depth)
+    assert again is not None and again.rate == AT_ONCE * 2 * capacity
+
+
+def test_a_short_datagram_makes_no_train_shorter() -> None:
+    probes, capacity = ProbeController(), 2e4
+    chain = [newest(5000), newest(5100)._replace(size=100)]
+    seen = Observation(1.0, Feedback(chain, 0.01, 2, 2, 0, False), chain, [0.0, 0.0], chain[0], 0.0, 0.0, 0.0, 0.0, 0.0,
+                       0.0)
+    assert probes.next(seen, capacity, 0.0, True, True, False) == Train(FIRST_GAIN * capacity, MIN_PACKETS * 1000)
 
 
 def test_a_train_for_a_deep_bucket_is_as_long_as_it_takes_to_empty_it() -> None:

@@ -493,8 +493,7 @@ class Estimator:
         emptied = empty and now - self._occupied < PROBE_HOLDOFF
         if self._pause.active(now - PROBE_HOLDOFF) or emptied or bounded:
             return None
-        return self._probes.next(self.link.capacity, self.depth, seen.noise, empty, wanted > self.rate,
-                                 wished > self.rate, seen.newest, seen.feedback.unreported, now)
+        return self._probes.next(seen, self.link.capacity, self.depth, empty, wanted > self.rate, wished > self.rate)
 
 
 Event = Callable[[Estimator, Observation], bool]

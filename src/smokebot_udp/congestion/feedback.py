@@ -174,6 +174,8 @@ class PacketSample(NamedTuple):
     """[byte]"""
     total: int
     """Bytes of all streams sent so far, this datagram included."""
+    together: int = 0
+    """Bytes that were sent at the same time, up to this datagram; 0: only this one [byte]."""
 
     @property
     def delay(self) -> float:
@@ -295,7 +297,7 @@ class FeedbackReader:
             elif age > MAX_AGE or now - packet.sent < age:
                 impossible.add('arrived before it was sent')
             else:
-                samples.append((PacketSample(packet.sent, made - age, packet.size, packet.total), age))
+                samples.append((PacketSample(packet.sent, made - age, *packet[1:]), age))
         if report.marks and not samples:
             raise _InvalidReport(impossible.pop())
         return samples

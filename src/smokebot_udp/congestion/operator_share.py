@@ -184,7 +184,8 @@ class OperatorHistory:
         packet = self._history.find(stream, seq)
         if packet is None or self._missing(stream, seq) > self._missing(stream, seq - 1):
             return None
-        return packet._replace(total=packet.total - self._bytes.until(packet.total))
+        left_out, before = (self._bytes.until(packet.total - less) for less in (0, packet.together))
+        return packet._replace(total=packet.total - left_out, together=packet.together - (left_out - before))
 
     def reached(self, stream: str, seq: int) -> bool:
         """As SentHistory.reached."""

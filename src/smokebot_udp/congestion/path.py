@@ -52,6 +52,11 @@ class Observation(NamedTuple):
         return self.chain[-1]
 
     @property
+    def is_queued(self) -> bool:
+        """Whether any datagram waited."""
+        return max(self.waits) > BUSY_DELAY + self.noise
+
+    @property
     def is_long(self) -> bool:
         """Whether the queue is so long that it is drained, and may have dropped what is lost."""
         return self.queue > LONG_QUEUE

@@ -4,6 +4,7 @@
 A stream whose messages are numbered on several topics is in here, and in reports, as `<stream>` and `<stream>/<part>`.
 """
 import bisect
+import math
 from typing import Dict, List, NamedTuple, Optional, Tuple
 
 MAX_BURSTS = 4096
@@ -13,6 +14,9 @@ is forgotten."""
 MAX_AGE, MIN_BURSTS = 20.0, 64
 """Age after which bursts are forgotten, and number of bursts of each stream that are remembered for longer. feedback.py
 does not believe arrivals half as old [s, 1]."""
+
+TOGETHER = 0.002
+"""What is sent within this time is sent at the same time [s]."""
 
 SEQ_MODULUS = 1 << 32
 """std_msgs/Header.seq wraps here."""
@@ -31,6 +35,8 @@ class SentPacket(NamedTuple):
     """On the air, IP and UDP headers included [byte]."""
     total: int
     """Bytes of all streams sent so far, this datagram included."""
+    together: int
+    """Bytes that were sent at the same time, up to this datagram."""
 
 
 class _Burst(NamedTuple):
@@ -41,6 +47,8 @@ class _Burst(NamedTuple):
     sent: float
     total_before: int
     """Bytes of all streams sent before."""
+    together: int
+    """Those of them that were sent at the same time."""
 
 
 class _Stream:
@@ -75,6 +83,7 @@ class SentHistory:
         self.total = 0
         """Bytes sent so far: of all streams, and besides."""
         self._streams: Dict[str, _Stream] = {}
+        self._together = -math.inf, 0       # when what is sent at the same time began to leave [s], `total` before it
 
     def add(self, stream: str, first: int, count: int, size: int, now: float) -> None:
         """Record datagrams that were sent together.
@@ -85,7 +94,10 @@ class SentHistory:
         :param size: of each on the air, IP and UDP headers included [byte]
         :param now: when, by a steady clock [s]
         """
-        self._streams.setdefault(stream, _Stream()).add(first, _Burst(count, size, now, self.total))
+        if now - self._together[0] > TOGETHER:
+            self._together = now, self.total
+        burst = _Burst(count, size, now, self.total, self.total - self._together[1])
+        self._streams.setdefault(stream, _Stream()).add(first, burst)
         self.total += count * size
 
     def add_besides(self, size: int) -> None:
@@ -111,7 +123,8 @@ class SentHistory:
         place = seq - known.firsts[index] + 1
         if place > burst.packets:
             return None
-        return SentPacket(burst.sent, burst.size, burst.total_before + place * burst.size)
+        until = place * burst.size
+        return SentPacket(burst.sent, burst.size, burst.total_before + until, burst.together + until)
 
     def unwrapped(self, stream: str, seq: int) -> int:
         """The sequence number, of those equal to `seq` modulo 2^32, that the stream had last."""

@@ -39,7 +39,13 @@ DATAGRAMS = 1.1
 
 SAME_RATE, RATES = 0.3, 3
 """The path has changed where the median of the last RATES measured rates differs by this part from the rate at which
-depths are learnt. The present queue began at the old rate, and shows no depth; the old depths do not count [1, 1]."""
+depths are learnt. The present queue began at the old rate, and shows no depth. The depth that was known while rates
+agreed with that one counts as if AGREE queues had shown it: it is a number of bytes, which tbf keeps while its rate
+changes. What queues showed since they did not is no depth, but what the path carried beyond the old rate [1, 1]."""
+
+ALIKE, SURE = 0.75, 4
+"""A depth is sure where half of the last QUEUES queues have shown this part of it at least, and so many queues have.
+Where there is no bucket, they show this and that [1, 1]."""
 
 SPENDS = 0.25
 """Where this part of the datagrams of a report met no queue, they spent tokens, or nothing else fills the queue."""
@@ -70,6 +76,7 @@ class Shaper:
         self._depths: Deque[float] = collections.deque(maxlen=QUEUES)
         self._rates: Deque[float] = collections.deque(maxlen=RATES)     # measured last,
         self._rate = 0.0                                                # and since when depths are learnt [byte/s]
+        self._settled = 0.0                                 # the depth when one was measured last that agreed
         self._learnt: Optional[PacketSample] = None         # beginning of the queue that the last one is of
         self._full = self._was_full = False                 # whether the bucket was full since a queue, and then
 
@@ -97,17 +104,18 @@ class Shaper:
 
     def _pass(self, before: PacketSample, sample: PacketSample, wait: float, rate: float, noise: float) -> Passed:
         if sample is not before:
-            # no sample tells of the bytes between the two: they count as sent evenly
-            between = sample.total - before.total - sample.size
-            self.level = max(0.0, self.level + between - rate * (sample.sent - before.sent))
+            # no sample tells of other bytes between the two: they count as sent evenly
+            since = sample.total - before.total
+            together = min(max(sample.size, sample.together), since)
+            self.level = max(0.0, self.level + since - together - rate * (sample.sent - before.sent))
             self._full |= self.level == 0
-            self.level += sample.size
+            self.level += together
         if wait > noise:
             self.level = self.depth + wait * rate
             if self._onset is None and self._clear:
                 self._onset = Passed(sample, wait, 0.0)
                 self._before, self._was_full = list(self._clear), self._full
-                if self.depth:
+                if self.depth and self._is_same(rate):
                     self._note_depth(self._rate, self._rate)
             self._clear.clear()
             self._full = False
@@ -156,11 +164,19 @@ class Shaper:
         usual = statistics.median(self._rates)
         if not self._rate:
             self._rate = usual
-        elif abs(usual - self._rate) > SAME_RATE * self._rate:
-            self._rate, self.depth, self._onset = usual, 0.0, None
+        elif not self._is_same(usual):
+            self._rate, self.depth, self._onset = usual, self._settled, None
             self._depths.clear()
+            self._depths.extend([self.depth] * AGREE if self.depth else [])
             return
         self._note_depth(rate, (1 + error) * rate)
+        if self._is_same(rate):
+            alike = sum(depth > ALIKE * self.depth for depth in self._depths)
+            self._settled = self.depth if alike >= max(SURE, len(self._depths) / 2) else 0.0
+
+    def _is_same(self, rate: float) -> bool:
+        """Whether a rate is that at which depths are learnt."""
+        return abs(rate - self._rate) <= SAME_RATE * self._rate
 
     def _note_depth(self, rate: float, most: float) -> None:
         """The present queue shows a depth.

@@ -6,9 +6,10 @@ tokens of a shaper, as otherwise it shows the line's speed (shaper.py). Where st
 takes, they are planned for more as long as it leaves.
 """
 import math
-from typing import NamedTuple, Optional
+from typing import NamedTuple, Optional, Tuple
 
 from .feedback import PacketSample
+from .path import Observation
 
 DURATION = 0.025
 """What a train has beyond the tokens takes this long at the known capacity [s]."""
@@ -58,8 +59,8 @@ RETRY_INTERVAL = 0.8
 """Time from an unsuccessful train to the next one [s]."""
 
 CLEAR_RETRY_INTERVAL = 0.3
-"""Time from an unsuccessful train to the next one where no shaper is known and the train left no queue. It cost
-nothing, and too much of it was lost, or too little was due, to show a rate. 0 missed two bounds of
+"""Time from an unsuccessful train to the next one where the train left no queue, and behind a shaper caused none. It
+cost nothing, and too much of it was lost, or too little was due, to show a rate. 0 missed two bounds of
 test_simulated_air.py by a little, 0.3 none [s]."""
 
 REFILL_INTERVALS = 4.0
@@ -122,7 +123,7 @@ class TrainTracker:
     def ended(self, newest: PacketSample, now: float, cut: bool = False) -> Optional[OnTheWay]:
         """The train that was on the way and now is reported, or lost; None: there is none.
 
-        :param cut: whether its end may have been lost
+        :param cut: whether its end may have been lost, or shows no more
         """
         train = self.on_the_way
         if train is None or not (cut or self.arrived(newest) or now >= train.lost):
@@ -137,7 +138,8 @@ class ProbeController:
     def __init__(self) -> None:
         self._trains = TrainTracker()
         self._capacity, self._empty = math.inf, False   # known when the last one left, and whether the queue was empty
-        self._succeeded = False
+        self._due = 0.0             # what has to leave at once for it [byte]
+        self._succeeded = self._queued = False      # the last one, and whether datagrams of its time waited
         self._next = -math.inf      # not before [s]
         self._interval = RETRY_INTERVAL     # after the next unsuccessful train [s]
         self._wished = -math.inf    # where streams only wish for more: not before [s]
@@ -149,7 +151,8 @@ class ProbeController:
         :param total: bytes of all streams sent so far
         """
         train = self._trains.on_the_way
-        return min(max(1.0, (train.ends - total) / (DUE_TIME * budget)), MAX_PLANNED) if train else 1.0
+        due = min(self._due, train.ends - total) if train else 0.0
+        return min(max(1.0, due / (DUE_TIME * budget)), MAX_PLANNED)
 
     def most(self, depth: float) -> float:
         """What the last train may show behind a token bucket [byte, byte/s]."""
@@ -160,55 +163,59 @@ class ProbeController:
         self._next = self._wished = -math.inf
         self._interval = RETRY_INTERVAL
 
-    def next(self, capacity: float, depth: float, noise: float, empty: bool, wanted: bool, wished: bool,
-             newest: PacketSample, unreported: int, now: float) -> Optional[Train]:
+    def next(self, seen: Observation, capacity: float, depth: float, empty: bool, wanted: bool,
+             wished: bool) -> Optional[Train]:
         """The train that leaves now, if any.
 
+        :param seen: what the newest report shows
         :param capacity: as known [byte/s]
         :param depth: of a shaper on the path [byte]
-        :param noise: what it adds to delays [s]
         :param empty: whether the queue is
         :param wanted: whether the streams would send more than they may
         :param wished: whether what they send would be fresher if the link had more
-        :param newest: sample of the newest datagram that arrived
-        :param unreported: bytes sent since
-        :param now: by a steady clock [s]
         """
-        if self._trains.on_the_way and not self._judge(capacity, depth, empty, newest, now):
+        now = seen.now
+        self._queued |= seen.is_queued
+        if self._trains.on_the_way and not self._judge(capacity, depth, empty, seen.newest, now):
             return None
         if not (wanted or wished and now >= self._wished) or now < self._next:
             return None
-        train = self._train(capacity, depth, noise, MIN_PACKETS * newest.size)
-        if not empty and (train.size <= MIN_PACKETS * newest.size or now < self._next + QUEUED_RETRY_INTERVAL):
+        least = MIN_PACKETS * max(sample.size for sample in seen.chain)
+        train, due = self._train(capacity, depth, seen.noise, least)
+        if not empty and (train.size <= least or now < self._next + QUEUED_RETRY_INTERVAL):
             return None
-        self._capacity, self._empty = capacity, empty
-        self._trains.leave(train, newest, unreported, now, TIMEOUT + train.size / capacity)
+        self._capacity, self._empty, self._queued, self._due = capacity, empty, False, due
+        self._trains.leave(train, seen.newest, seen.feedback.unreported, now, TIMEOUT + train.size / capacity)
         return train
 
-    def _train(self, capacity: float, depth: float, noise: float, least: float) -> Train:
-        """A train that shows whether the path carries more."""
+    def _train(self, capacity: float, depth: float, noise: float, least: float) -> Tuple[Train, float]:
+        """(a train that shows whether the path carries more, what of it has to leave at once [byte])."""
         if depth <= DURATION * capacity:
             gain = NEXT_GAIN if self._succeeded else FIRST_GAIN
-            return Train(gain * capacity, max(least, DURATION * capacity + EXCESS * depth * gain))
+            size = max(least, DURATION * capacity + EXCESS * depth * gain)
+            return Train(gain * capacity, size), size
         beyond = max((BEYOND + BEYOND_NOISE * noise) * capacity, least)
         if depth + beyond <= MAX_PLANNED * REACHED * DUE_TIME * capacity:
-            return Train(AT_ONCE * capacity, (depth + beyond) * AT_ONCE / (AT_ONCE - 1) / FILLED)
-        return Train(NEXT_GAIN * capacity, depth / (1 - GROWTH / (REACHED * MAX_PLANNED)))
+            due = (depth + beyond) * AT_ONCE / (AT_ONCE - 1) / FILLED
+            return Train(AT_ONCE * capacity, due + DUE_TIME * capacity), due     # a message may be in the making
+        size = depth / (1 - GROWTH / (REACHED * MAX_PLANNED))
+        return Train(NEXT_GAIN * capacity, size), size
 
     def _judge(self, capacity: float, depth: float, empty: bool, newest: PacketSample, now: float) -> bool:
         """Whether the train on the way has ended; then it is judged.
 
         :param empty: whether the queue is, after it
         """
-        complete = self._trains.arrived(newest)
-        if self._trains.ended(newest, now) is None:
+        complete, grown = self._trains.arrived(newest), capacity > SUCCESS_FACTOR * self._capacity
+        if self._trains.ended(newest, now, bool(depth) and grown) is None:
             return False
         # where the queue was not empty others may have paused when it arrived
-        self._succeeded = self._empty and capacity > SUCCESS_FACTOR * self._capacity
+        self._succeeded = self._empty and grown
         if self._succeeded:
             self._interval = RETRY_INTERVAL
         else:
-            self._next = now + (CLEAR_RETRY_INTERVAL if empty and not depth else
+            cleared = not self._queued if depth else empty
+            self._next = now + (CLEAR_RETRY_INTERVAL if cleared else
                                 RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity)
             self._wished = now + self._interval
             if complete:

@@ -119,7 +119,7 @@ class LayeredImages(CompressedImages):
         """How much of a stream is sent, and what that may take."""
         stream, granted, outlook = found.stream, job.granted, job.outlook
         ends = stream.ends[:found.good]
-        costs = Costs(job.datagrams.protected(outlook.loss(LIKELY)), self._time.per_byte, outlook.room,
+        costs = Costs(job.datagrams.protected(outlook.loss(LIKELY)), self._time.per_byte, outlook.room * outlook.gain(),
                       outlook.tokens())
         points, square = choose(ends, np.maximum(stream.errors[:found.good], 0) / stream.cells, stream.cells,
                                 job.growth, costs, GOOD_ERROR if job.itemsize == 1 else 0.0)
@@ -181,7 +181,7 @@ class LayeredImages(CompressedImages):
             size = None if self._was_predicted else self._stream_size
         source, loss, carried = job.source, job.outlook.loss, job.datagrams.carried(job.granted.size)
         useful = max(int(min(1.0, LUCKIER * (1 - loss(LUCKY))) * carried), LEAST_BYTES)
-        coded = max(int(min(useful, self._foreseen)), LEAST_BYTES) if job.growth else useful
+        coded = max(int(min(useful, self._foreseen * job.outlook.gain())), LEAST_BYTES) if job.growth else useful
         fits = size is not None and size <= min(CERTAIN_FIT * carried * (1 - loss(LIKELY)), coded)
         # while images are repeated the exact transform refines them: the coefficients that one image leaves are what
         # the next one codes, as its analysis undoes its synthesis exactly
