@@ -138,7 +138,7 @@ class ProbeController:
     def __init__(self) -> None:
         self._trains = TrainTracker()
         self._capacity, self._empty = math.inf, False   # known when the last one left, and whether the queue was empty
-        self._due = 0.0             # what has to leave at once for it [byte]
+        self._due, self._beside = 0.0, 0.0      # what has to leave at once for it, and what may leave beside it [byte]
         self._succeeded = self._queued = False      # the last one, and whether datagrams of its time waited
         self._next = -math.inf      # not before [s]
         self._interval = RETRY_INTERVAL     # after the next unsuccessful train [s]
@@ -176,7 +176,7 @@ class ProbeController:
         """
         now = seen.now
         self._queued |= seen.is_queued
-        if self._trains.on_the_way and not self._judge(capacity, depth, empty, seen.newest, now):
+        if self._trains.on_the_way and not self._judge(seen, capacity, depth, empty):
             return None
         if not (wanted or wished and now >= self._wished) or now < self._next:
             return None
@@ -184,7 +184,8 @@ class ProbeController:
         train, due = self._train(capacity, depth, seen.noise, least)
         if not empty and (train.size <= least or now < self._next + QUEUED_RETRY_INTERVAL):
             return None
-        self._capacity, self._empty, self._queued, self._due = capacity, empty, False, due
+        self._capacity, self._empty, self._queued = capacity, empty, False
+        self._due, self._beside = due, train.size - due
         self._trains.leave(train, seen.newest, seen.feedback.unreported, now, TIMEOUT + train.size / capacity)
         return train
 
@@ -201,23 +202,24 @@ class ProbeController:
         size = depth / (1 - GROWTH / (REACHED * MAX_PLANNED))
         return Train(NEXT_GAIN * capacity, size), size
 
-    def _judge(self, capacity: float, depth: float, empty: bool, newest: PacketSample, now: float) -> bool:
-        """Whether the train on the way has ended; then it is judged.
+    def _judge(self, seen: Observation, capacity: float, depth: float, empty: bool) -> bool:
+        """Whether the train on the way has ended; then it is judged. Behind a shaper it ends once it has shown something:
+        more, or a queue beside which the rate was measured, which the rest of it would only prolong.
 
         :param empty: whether the queue is, after it
         """
-        complete, grown = self._trains.arrived(newest), capacity > SUCCESS_FACTOR * self._capacity
-        if self._trains.ended(newest, now, bool(depth) and grown) is None:
+        complete, grown = self._trains.arrived(seen.newest), capacity > SUCCESS_FACTOR * self._capacity
+        if self._trains.ended(seen.newest, seen.now, depth > 0 and (grown or seen.carried > 0)) is None:
             return False
         # where the queue was not empty others may have paused when it arrived
         self._succeeded = self._empty and grown
         if self._succeeded:
             self._interval = RETRY_INTERVAL
         else:
-            cleared = not self._queued if depth else empty
-            self._next = now + (CLEAR_RETRY_INTERVAL if cleared else
+            cleared = self._beside > 0 and not self._queued if depth else empty
+            self._next = seen.now + (CLEAR_RETRY_INTERVAL if cleared else
                                 RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity)
-            self._wished = now + self._interval
+            self._wished = seen.now + self._interval
             if complete:
                 self._interval = min(2 * self._interval, MAX_RETRY_INTERVAL)
         return True
