@@ -74,22 +74,30 @@ def options(arguments: Sequence[str], quick: bool = False) -> argparse.Namespace
 
 
 def run(log: Log, quick: bool = False, arguments: Sequence[str] = ()) -> Dict[str, Any]:
-    """{'clip': name, 'rows': [{'cell', 'method', ...}, ...], 'steps': likewise, 'idle': likewise}"""
-    chosen = options(arguments, quick)
+    """As `measure`."""
+    return measure(options(arguments, quick), RESULTS, log)
+
+
+def measure(chosen: argparse.Namespace, folder: pathlib.Path, log: Log) -> Dict[str, Any]:
+    """Measure, and write all files into a folder.
+
+    :param chosen: see `options`
+    :return: {'clip': name, 'rows': [{'cell', 'method', ...}, ...], 'steps': likewise, 'idle': likewise}
+    """
     install(chosen.methods, log)
-    RESULTS.mkdir(parents=True, exist_ok=True)
+    folder.mkdir(parents=True, exist_ok=True)
     masters = MASTERS[chosen.masters]
     results: Dict[str, Any] = {'clip': Clip().name, 'rows': [], 'steps': [], 'idle': []}
     for shaper, rate, loss in itertools.product(chosen.shapers, chosen.rates, chosen.losses):
         cell = Cell(shaper, (1e6 * rate,), loss / 100, chosen.seconds)
-        results['rows'] += compared(cell, chosen.methods, masters, log)
+        results['rows'] += compared(cell, chosen.methods, masters, folder, log)
     for shaper in chosen.shapers if chosen.steps else ():
         cell = Cell(shaper, tuple(1e6 * rate for rate in chosen.steps), 0.0, STEP_SECONDS)
-        results['steps'] += stepped(cell, [method for method in chosen.methods if method != IDEAL], masters, log)
+        results['steps'] += stepped(cell, [method for method in chosen.methods if method != IDEAL], masters, folder, log)
     for shaper in chosen.shapers if chosen.idle else ():
         log('idle over %s' % shaper.name)
         results['idle'] += idle(Cell(shaper, (1e6 * chosen.idle,), 0.0, chosen.seconds), masters)
-    live_report.write(results, RESULTS)
+    live_report.write(results, folder)
     return results
 
 
@@ -108,19 +116,19 @@ def install(wanted: Iterable[str], log: Log) -> None:
                         *missing], check=True, stdout=subprocess.DEVNULL)
 
 
-def compared(cell: Cell, wanted: Sequence[str], masters: Type[Stack], log: Log) -> Iterator[Row]:
+def compared(cell: Cell, wanted: Sequence[str], masters: Type[Stack], folder: pathlib.Path, log: Log) -> Iterator[Row]:
     """The rows of a cell, in the order of the methods."""
     found: Dict[str, Outcome] = {}
     for method in wanted:
         log('%s: %s' % (cell.name, method))
-        outcome = referred(cell, found) if method == IDEAL else measured(cell, method, masters, log)
+        outcome = referred(cell, found) if method == IDEAL else measured(cell, method, masters, folder, log)
         if outcome is not None:
             found[method] = outcome
-            row = {'cell': cell.name, 'method': method, 'loss [%]': 100 * cell.loss,
+            row = {'cell': cell.name, 'method': method, 'link [Mbit/s]': 1e-6 * cell.rates[0], 'loss [%]': 100 * cell.loss,
                    **judged(outcome.screen, outcome.told, outcome.moments[0] + SETTLED, outcome.moments[-1])}
             log(live_report.line(row))
             yield row
-    live_report.plot(cell.name, found, RESULTS)
+    live_report.plot(cell.name, found, folder)
 
 
 def referred(cell: Cell, found: Mapping[str, Outcome]) -> Optional[Outcome]:
@@ -130,9 +138,9 @@ def referred(cell: Cell, found: Mapping[str, Outcome]) -> Optional[Outcome]:
     return ours and ours._replace(screen=ideal(cell, ours.screen), told=[], notes={})
 
 
-def measured(cell: Cell, method: str, masters: Type[Stack], log: Log) -> Optional[Outcome]:
+def measured(cell: Cell, method: str, masters: Type[Stack], results: pathlib.Path, log: Log) -> Optional[Outcome]:
     """What a method showed; None: nothing. Its images, samples of the link and the nodes' output become files."""
-    folder = RESULTS / live_report.slug(cell.name, method)
+    folder = results / live_report.slug(cell.name, method)
     folder.mkdir(parents=True, exist_ok=True)
     try:
         with tempfile.TemporaryDirectory() as scratch, LiveRun(
@@ -145,18 +153,18 @@ def measured(cell: Cell, method: str, masters: Type[Stack], log: Log) -> Optiona
     return outcome
 
 
-def stepped(cell: Cell, wanted: Sequence[str], masters: Type[Stack], log: Log) -> Iterator[Row]:
+def stepped(cell: Cell, wanted: Sequence[str], masters: Type[Stack], folder: pathlib.Path, log: Log) -> Iterator[Row]:
     """A row for each method and each rate of a cell."""
     found: Dict[str, Outcome] = {}
     for method in wanted:
         log('%s: %s' % (cell.name, method))
-        outcome = measured(cell, method, masters, log)
+        outcome = measured(cell, method, masters, folder, log)
         if outcome is not None:
             found[method] = outcome
             for rate, begun, ended in zip(cell.rates, outcome.moments, outcome.moments[1:]):
                 yield {'cell': cell.name, 'method': method, 'rate': rate / 1e6,
                        **judged_step(outcome.screen, outcome.told, begun, ended)}
-    live_report.plot(cell.name, found, RESULTS)
+    live_report.plot(cell.name, found, folder)
 
 
 def table(results: Dict[str, Any]) -> str:

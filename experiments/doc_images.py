@@ -38,6 +38,7 @@ IMAGES = {
     'out_of_range.png': 'out_of_range/out_of_range.png',
     'link_cut.png': 'link_cut/link_cut.png',
     'start_up.png': 'start_up/starts.png',
+    'narrow_link.png': 'narrow_link/tbf6_1_Mbit_s_5.png',
 }
 """{file in doc/images: its source in the results}"""
 
