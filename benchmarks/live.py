@@ -93,7 +93,8 @@ def measure(chosen: argparse.Namespace, folder: pathlib.Path, log: Log) -> Dict[
         results['rows'] += compared(cell, chosen.methods, masters, folder, log)
     for shaper in chosen.shapers if chosen.steps else ():
         cell = Cell(shaper, tuple(1e6 * rate for rate in chosen.steps), 0.0, STEP_SECONDS)
-        results['steps'] += stepped(cell, [method for method in chosen.methods if method != IDEAL], masters, folder, log)
+        live_methods = [method for method in chosen.methods if method != IDEAL]
+        results['steps'] += stepped(cell, live_methods, masters, folder, log)
     for shaper in chosen.shapers if chosen.idle else ():
         log('idle over %s' % shaper.name)
         results['idle'] += idle(Cell(shaper, (1e6 * chosen.idle,), 0.0, chosen.seconds), masters)
@@ -116,7 +117,8 @@ def install(wanted: Iterable[str], log: Log) -> None:
                         *missing], check=True, stdout=subprocess.DEVNULL)
 
 
-def compared(cell: Cell, wanted: Sequence[str], masters: Type[Stack], folder: pathlib.Path, log: Log) -> Iterator[Row]:
+def compared(cell: Cell, wanted: Sequence[str], masters: Type[Stack], folder: pathlib.Path, log: Log
+             ) -> Iterator[Row]:
     """The rows of a cell, in the order of the methods."""
     found: Dict[str, Outcome] = {}
     for method in wanted:
@@ -124,7 +126,8 @@ def compared(cell: Cell, wanted: Sequence[str], masters: Type[Stack], folder: pa
         outcome = referred(cell, found) if method == IDEAL else measured(cell, method, masters, folder, log)
         if outcome is not None:
             found[method] = outcome
-            row = {'cell': cell.name, 'method': method, 'link [Mbit/s]': 1e-6 * cell.rates[0], 'loss [%]': 100 * cell.loss,
+            row = {'cell': cell.name, 'method': method, 'link [Mbit/s]': 1e-6 * cell.rates[0],
+                   'loss [%]': 100 * cell.loss,
                    **judged(outcome.screen, outcome.told, outcome.moments[0] + SETTLED, outcome.moments[-1])}
             log(live_report.line(row))
             yield row

@@ -57,21 +57,21 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
 
 def images_table(folder: pathlib.Path) -> Table:
     """How sharp each image was that was shown."""
-    return _compared(folder, 'Each image shown, beside the one that the camera took: mean PSNR, and in brackets the 5th '
-                     'percentile [dB].', lambda row: '%.1f (%.1f)' % (row['image mean [dB]'], row['image 5 % [dB]']))
+    return _compared(folder, 'Each image shown, beside the one that the camera took: mean PSNR, and in brackets '
+                     'the 5th percentile [dB].', lambda row: '%.1f (%.1f)' % (row['image mean [dB]'], row['image 5 % [dB]']))
 
 
 def screen_table(folder: pathlib.Path) -> Table:
     """How well the screen showed what the camera saw."""
-    return _compared(folder, 'The screen, beside what the camera sees at the moment: mean PSNR [dB]. *Ideal*: layered '
-                     'images that have the whole rate, and are as old as those of this package were.',
+    return _compared(folder, 'The screen, beside what the camera sees at the moment: mean PSNR [dB]. *Ideal*: '
+                     'layered images that have the whole rate, and are as old as those of this package were.',
                      lambda row: '%.1f' % row['screen mean [dB]'], {live.IDEAL: 'ideal'})
 
 
 def ages_table(folder: pathlib.Path) -> Table:
     """How old the images were, and how long none came."""
-    return _compared(folder, 'Age of images as they appear, median and 95th percentile [ms], and in brackets the longest '
-                     'time without a new image [s].', lambda row: '%.0f, %.0f (%.2f)' % (
+    return _compared(folder, 'Age of images as they appear, median and 95th percentile [ms], and in brackets the '
+                     'longest time without a new image [s].', lambda row: '%.0f, %.0f (%.2f)' % (
                          1e3 * row['age p50 [s]'], 1e3 * row['age p95 [s]'], row['freeze [s]']))
 
 
@@ -88,8 +88,8 @@ def link_table(folder: pathlib.Path) -> Table:
 
 def steps_table(folder: pathlib.Path) -> Table:
     """What happened as the rate changed."""
-    return Table('The rate changes each 15 s, nothing is lost. *Steady*: five images in a row that are no more than 1.5 '
-                 'dB below the mean of the later half.',
+    return Table('The rate changes each 15 s, nothing is lost. *Steady*: five images in a row that are no more than '
+                 '1.5 dB below the mean of the later half.',
                  ['method', 'Mbit/s', 'oldest image [s]', 'steady after [s]', 'mean then [dB]', 'worst image [dB]'],
                  [[NAMES[row['method']], '%g' % row['rate'], *(_number(row[name], form) for name, form in (
                      ('oldest [s]', '%.2f'), ('steady after [s]', '%.2f'), ('steady mean [dB]', '%.1f'),

@@ -134,7 +134,7 @@ def test_a_depth_that_is_sure_outlives_a_change_of_the_rate() -> None:
 
 
 def test_what_was_sent_together_has_spent_its_tokens_together() -> None:
-    """Of five datagrams that left at once after a pause, only the last one has a sample."""
+    """Five datagrams left at once after a pause; only the last one has a sample."""
     shaper = Shaper()
     shaper.depth = 6000.0
     first, last = PacketSample(1.0, 1.01, SIZE, 1000), PacketSample(1.2, 1.21, SIZE, 6000, 5 * SIZE)

@@ -203,8 +203,10 @@ class ProbeController:
         return Train(NEXT_GAIN * capacity, size), size
 
     def _judge(self, seen: Observation, capacity: float, depth: float, empty: bool) -> bool:
-        """Whether the train on the way has ended; then it is judged. Behind a shaper it ends once it has shown something:
-        more, or a queue beside which the rate was measured, which the rest of it would only prolong.
+        """Whether the train on the way has ended; then it is judged.
+
+        Behind a shaper it ends once it has shown something: more, or a queue beside which the rate was measured, which
+        the rest of it would only prolong.
 
         :param empty: whether the queue is, after it
         """
