@@ -22,7 +22,6 @@ from smokebot_udp.congestion.trains import (
     MAX_PLANNED,
     MAX_RETRY_INTERVAL,
     MAX_STEP,
-    MIN_PACKETS,
     NEXT_GAIN,
     REACHED,
     REFILL_INTERVALS,
@@ -44,7 +43,7 @@ def due(probes: ProbeController, capacity: float, total: int, now: float, unrepo
     chain = [newest(total)]
     seen = Observation(now, Feedback(chain, 0.01, 1, 1, unreported, False), chain, [wait], chain[0], wait, noise, 0.0,
                        0.0, 0.0, 0.0)
-    return probes.next(seen, capacity, depth, empty, wanted, wished)
+    return probes.next(seen, capacity, depth, depth > 0, empty, wanted, wished)
 
 
 def test_trains_get_faster_after_success_and_wait_after_failure() -> None:
@@ -149,12 +148,24 @@ def test_a_train_behind_a_shaper_that_showed_more_is_followed_at_once() -> None:
     assert again is not None and again.rate == AT_ONCE * 2 * capacity
 
 
-def test_a_short_datagram_makes_no_train_shorter() -> None:
-    probes, capacity = ProbeController(), 2e4
+def test_a_short_datagram_makes_no_train_behind_a_shaper_shorter() -> None:
+    capacity, depth = 4e4, 3000.0
     chain = [newest(5000), newest(5100)._replace(size=100)]
     seen = Observation(1.0, Feedback(chain, 0.01, 2, 2, 0, False), chain, [0.0, 0.0], chain[0], 0.0, 0.0, 0.0, 0.0, 0.0,
                        0.0)
-    assert probes.next(seen, capacity, 0.0, True, True, False) == Train(FIRST_GAIN * capacity, MIN_PACKETS * 1000)
+    assert ProbeController().next(seen, capacity, depth, True, True, True, False) == due(
+        ProbeController(), capacity, 5100, 1.0, depth=depth, noise=0.0)
+
+
+def test_beside_others_a_train_of_a_few_datagrams_is_no_test() -> None:
+    """The queue is occupied: it would only arrive later. What counts is the datagram that shows so: a longer one would
+    keep a sender without trains that a TCP download has pushed aside."""
+    probes, capacity = ProbeController(), 1e5
+    chain = [newest(5000), newest(5100)._replace(size=800)]
+    seen = Observation(9.0, Feedback(chain, 0.01, 2, 2, 0, False), chain, [0.1, 0.1], chain[0], 0.1, 0.0, 0.0, 0.0, 0.0,
+                       0.0)
+    assert probes.next(seen, capacity, 0.0, False, False, True, False) is not None
+    assert ProbeController().next(seen, 0.9 * capacity, 0.0, False, False, True, False) is None
 
 
 def test_a_train_for_a_deep_bucket_is_as_long_as_it_takes_to_empty_it() -> None:

@@ -493,7 +493,8 @@ class Estimator:
         emptied = empty and now - self._occupied < PROBE_HOLDOFF
         if self._pause.active(now - PROBE_HOLDOFF) or emptied or bounded:
             return None
-        return self._probes.next(seen, self.link.capacity, self.depth, empty, wanted > self.rate, wished > self.rate)
+        return self._probes.next(seen, self.link.capacity, self.depth, self._path.shaper.is_sure, empty,
+                                 wanted > self.rate, wished > self.rate)
 
 
 Event = Callable[[Estimator, Observation], bool]

@@ -135,6 +135,11 @@ class Shaper:
         return self.depth > MIN_DURATION * rate
 
     @property
+    def is_sure(self) -> bool:
+        """Whether there is a bucket for sure: jitter, or the queue of others, shows depths that differ."""
+        return self._settled > 0
+
+    @property
     def left(self) -> float:
         """Tokens after the newest sample [byte]."""
         return max(0.0, self.depth - self.level)

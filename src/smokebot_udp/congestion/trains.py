@@ -140,6 +140,7 @@ class ProbeController:
         self._capacity, self._empty = math.inf, False   # known when the last one left, and whether the queue was empty
         self._due, self._beside = 0.0, 0.0      # what has to leave at once for it, and what may leave beside it [byte]
         self._succeeded = self._queued = False      # the last one, and whether datagrams of its time waited
+        self._sure = False          # whether nothing but a shaper can have delayed it
         self._next = -math.inf      # not before [s]
         self._interval = RETRY_INTERVAL     # after the next unsuccessful train [s]
         self._wished = -math.inf    # where streams only wish for more: not before [s]
@@ -163,13 +164,14 @@ class ProbeController:
         self._next = self._wished = -math.inf
         self._interval = RETRY_INTERVAL
 
-    def next(self, seen: Observation, capacity: float, depth: float, empty: bool, wanted: bool,
+    def next(self, seen: Observation, capacity: float, depth: float, sure: bool, empty: bool, wanted: bool,
              wished: bool) -> Optional[Train]:
         """The train that leaves now, if any.
 
         :param seen: what the newest report shows
         :param capacity: as known [byte/s]
         :param depth: of a shaper on the path [byte]
+        :param sure: whether there is one for sure
         :param empty: whether the queue is
         :param wanted: whether the streams would send more than they may
         :param wished: whether what they send would be fresher if the link had more
@@ -180,38 +182,44 @@ class ProbeController:
             return None
         if not (wanted or wished and now >= self._wished) or now < self._next:
             return None
-        least = MIN_PACKETS * max(sample.size for sample in seen.chain)
-        train, due = self._train(capacity, depth, seen.noise, least)
+        least = MIN_PACKETS * seen.newest.size
+        train, due = self._train(capacity, depth, sure and empty, seen)
         if not empty and (train.size <= least or now < self._next + QUEUED_RETRY_INTERVAL):
             return None
-        self._capacity, self._empty, self._queued = capacity, empty, False
+        self._capacity, self._empty, self._queued, self._sure = capacity, empty, False, sure and empty
         self._due, self._beside = due, train.size - due
         self._trains.leave(train, seen.newest, seen.feedback.unreported, now, TIMEOUT + train.size / capacity)
         return train
 
-    def _train(self, capacity: float, depth: float, noise: float, least: float) -> Tuple[Train, float]:
-        """(a train that shows whether the path carries more, what of it has to leave at once [byte])."""
+    def _train(self, capacity: float, depth: float, sure: bool, seen: Observation) -> Tuple[Train, float]:
+        """(a train that shows whether the path carries more, what of it has to leave at once [byte]).
+
+        :param sure: whether nothing but a shaper can delay it
+        """
         if depth <= DURATION * capacity:
             gain = NEXT_GAIN if self._succeeded else FIRST_GAIN
-            size = max(least, DURATION * capacity + EXCESS * depth * gain)
+            size = max(MIN_PACKETS * seen.newest.size, DURATION * capacity + EXCESS * depth * gain)
             return Train(gain * capacity, size), size
-        beyond = max((BEYOND + BEYOND_NOISE * noise) * capacity, least)
+        longest = max(sample.size for sample in seen.chain) if sure else seen.newest.size
+        beyond = max((BEYOND + BEYOND_NOISE * seen.noise) * capacity, MIN_PACKETS * longest)
         if depth + beyond <= MAX_PLANNED * REACHED * DUE_TIME * capacity:
             due = (depth + beyond) * AT_ONCE / (AT_ONCE - 1) / FILLED
-            return Train(AT_ONCE * capacity, due + DUE_TIME * capacity), due     # a message may be in the making
+            beside = DUE_TIME * capacity if sure else 0.0       # a message may be in the making
+            return Train(AT_ONCE * capacity, due + beside), due
         size = depth / (1 - GROWTH / (REACHED * MAX_PLANNED))
         return Train(NEXT_GAIN * capacity, size), size
 
     def _judge(self, seen: Observation, capacity: float, depth: float, empty: bool) -> bool:
         """Whether the train on the way has ended; then it is judged.
 
-        Behind a shaper it ends once it has shown something: more, or a queue beside which the rate was measured, which
-        the rest of it would only prolong.
+        Behind a shaper it ends once it has shown something: more, or a queue where there was none, beside which the rate
+        was measured, and which the rest of it would only prolong.
 
         :param empty: whether the queue is, after it
         """
         complete, grown = self._trains.arrived(seen.newest), capacity > SUCCESS_FACTOR * self._capacity
-        if self._trains.ended(seen.newest, seen.now, depth > 0 and (grown or seen.carried > 0)) is None:
+        shown = self._sure and depth > 0 and (grown or seen.carried > 0)
+        if self._trains.ended(seen.newest, seen.now, shown) is None:
             return False
         # where the queue was not empty others may have paused when it arrived
         self._succeeded = self._empty and grown
