@@ -57,8 +57,10 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
 
 def images_table(folder: pathlib.Path) -> Table:
     """How sharp each image was that was shown."""
-    return _compared(folder, 'Each image shown, beside the one that the camera took: mean PSNR, and in brackets '
-                     'the 5th percentile [dB].', lambda row: '%.1f (%.1f)' % (row['image mean [dB]'], row['image 5 % [dB]']))
+    def psnr(row: Dict[str, Any]) -> str:
+        return '%.1f (%.1f)' % (row['image mean [dB]'], row['image 5 % [dB]'])
+    return _compared(folder, 'Each image shown, beside the one that the camera took: mean PSNR, and in brackets the '
+                     '5th percentile [dB].', psnr)
 
 
 def screen_table(folder: pathlib.Path) -> Table:

@@ -3,14 +3,15 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from smokebot_udp.streams.grid.copies import MAX_COPIES, ROUND_TRIP, URGENT_TIME, Pattern, copies, sent_for
+from smokebot_udp.copies import copies
+from smokebot_udp.streams.grid.copies import MAX_COPIES, ROUND_TRIP, URGENT_TIME, Pattern, sent_for
 from smokebot_udp.streams.grid.overview_schedule import PERIOD, REFRESH, OverviewSchedule, datagrams
 from smokebot_udp.streams.grid.pace import BURST, Pace
 
 
 @pytest.mark.parametrize('loss, count', [(0.0, 1), (0.01, 1), (0.1, 2), (0.2, 3), (0.5, 7), (0.8, 21), (1.0, 24)])
 def test_copies_by_hand(loss: float, count: int) -> None:
-    assert copies(loss, 0.01) == count
+    assert copies(loss, 0.01, MAX_COPIES) == count
 
 
 @pytest.mark.parametrize('loss, count', [(0.0, 3), (0.1, 5), (0.2, 6), (0.5, 12), (0.8, MAX_COPIES), (1.0, MAX_COPIES)])
@@ -99,4 +100,4 @@ def test_overviews_keep_their_distance() -> None:
 
 def test_an_overview_is_of_fewer_datagrams_where_many_are_lost() -> None:
     assert [datagrams(loss) for loss in (0.0, 0.2, 0.5, 0.8)] == [4, 3, 1, 1]
-    assert copies(0.8, 0.02) <= MAX_COPIES
+    assert copies(0.8, 0.02, MAX_COPIES) <= MAX_COPIES

@@ -246,6 +246,22 @@ def test_an_attack(tmp_path: pathlib.Path) -> None:
     assert made('hostile', 'dropped', tmp_path).rows == [['flood', 'mutated: 7', 'malformed: 5, forged: 2']]
 
 
+def test_a_narrow_link(tmp_path: pathlib.Path) -> None:
+    cell = {'cell': 'tbf6, 0.3 Mbit/s, 5 %', 'link [Mbit/s]': 0.3, 'loss [%]': 5.0}
+    ours = {**cell, 'method': 'ours', 'image mean [dB]': 39.24, 'image 5 % [dB]': 38.5, 'screen mean [dB]': 38.4,
+            'age p50 [s]': 0.029, 'age p95 [s]': 0.102, 'freeze [s]': 0.18, 'rate [Hz]': 9.97, 'used': 0.95,
+            'used while blurred': 0.96, 'capacity known': None}
+    nothing = {**{name: None for name in ours}, **cell, 'method': 'gst'}
+    step = {**cell, 'method': 'ours', 'rate': 3.0, 'oldest [s]': 0.1, 'steady after [s]': None,
+            'steady mean [dB]': 42.6, 'worst [dB]': 40.0}
+    (tmp_path / 'results.json').write_text(json.dumps({'rows': [ours, nothing], 'steps': [step]}))
+    for name, shown in (('images', '39.2 (38.5)'), ('screen', '38.4'), ('ages', '29, 102 (0.18)')):
+        row, = made('narrow_link', name, tmp_path).rows
+        assert row[:4] == ['0.3', '5', shown, 'nothing'] and set(row[4:]) == {''}
+    assert made('narrow_link', 'link', tmp_path).rows == [['0.3', '5', '10.0', '0.95', '0.96', None]]
+    assert made('narrow_link', 'steps', tmp_path).rows == [['this package', '3', '0.10', None, '42.6', '40.0']]
+
+
 def test_video(tmp_path: pathlib.Path) -> None:
     from evaluation.video_ways import H264, KNOWN, NIMBRO, PREDICTED
     from experiments.offline.video_results import LINKS, STEP_WAYS

@@ -82,6 +82,14 @@ def test_the_index_names_every_page() -> None:
     assert [page.name for page in PAGES if page not in (*linked, INDEX)] == []
 
 
+def test_the_pages_name_modules_that_exist() -> None:
+    known = {path.name for folder in ('src', 'evaluation', 'experiments', 'benchmarks', 'tools', 'test', 'scripts')
+             for path in (TOP / folder).rglob('*.py')}
+    unknown = {(page.name, path) for page in PAGES for path in re.findall(r'`([\w/]+\.py)`', prose(page))
+               if path.rsplit('/', 1)[-1] not in known}
+    assert unknown == set()
+
+
 def called(pattern: str) -> List[Tuple[str, List[str]]]:
     """[(the first group, the words after it)] of each command of the pages that matches."""
     return [(match.group(1), match.group(2).split()) for page in PAGES for line in commands(page)

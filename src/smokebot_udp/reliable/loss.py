@@ -3,6 +3,8 @@
 import math
 from typing import NamedTuple, Optional, Tuple
 
+from ..copies import copies
+
 EXPECTED_LOSS = 0.2
 """Loss that is assumed before anything is measured, 0..1."""
 
@@ -62,7 +64,4 @@ class LossMeter:
 
     def copies(self, wanted: Copies) -> int:
         """How often something is sent before a timeout, at least once."""
-        loss = self.loss
-        if loss <= wanted.failure:
-            return 1
-        return min(wanted.most, math.ceil(math.log(wanted.failure) / math.log(min(loss, 0.99))))
+        return copies(self.loss, wanted.failure, wanted.most)

@@ -22,6 +22,7 @@ import math
 from typing import Optional
 
 from ..checksum import typed_checksum
+from ..copies import copies
 from .command_copy import MAX_COMMAND_SIZE, MICROSECONDS, Copy
 from .robot_clock import RobotTime
 
@@ -63,9 +64,9 @@ def copy_gap(loss: Optional[float], age: float) -> float:
     """
     if loss is None or not 0 <= loss <= 1:
         loss = UNKNOWN_LOSS
-    copies = math.ceil(math.log(MISS) / math.log(min(loss + MARGIN, 0.99)))
+    count = copies(loss + MARGIN, MISS)
     # a gap of mean * (EARLY + age / REACH) gives REACH / mean * log(1 / EARLY + 1) gaps within REACH
-    mean = max(MEAN_GAP, REACH * math.log(1 / EARLY + 1) / (copies - 1))
+    mean = max(MEAN_GAP, REACH * math.log(1 / EARLY + 1) / (count - 1))
     return min(MAX_GAP, mean * (EARLY + age / REACH))
 
 

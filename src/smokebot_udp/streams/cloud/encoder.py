@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """Cloud streams: sensor_msgs/PointCloud2 of any layout, reduced by a voxel grid filter, in chunks (D6.3, section 6.1).
 """
-import math
 from typing import Any, Iterable, List, Mapping, Optional, Set, Tuple
 
 import numpy as np
@@ -12,6 +11,7 @@ from ...codecs.perception.voxel import filter_with_fields, pcl, voxel_filter
 from ...codecs.wire import cloud, sorted_cloud
 from ...codecs.wire.cloud_fields import COORDINATES, CloudField, names_of, write_fields
 from ...codecs.wire.points import Cloud, read_cloud
+from ...copies import copies
 from ...congestion.operating_points import OperatingPoint, cloud_points
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
@@ -126,9 +126,7 @@ class CloudEncoder(Encoder[Any]):
 def _least_chunks(outlook: Outlook) -> int:
     """In how many datagrams a cloud is sent at least, so that few clouds are lost with all of them."""
     loss = outlook.loss(LIKELY) if outlook.air.known else 0.0
-    if not 0 < loss < 1:
-        return MOST_NEEDED if loss else LEAST_CHUNKS
-    return min(max(math.ceil(math.log(LOST_CLOUDS) / math.log(loss)), LEAST_CHUNKS), MOST_NEEDED)
+    return max(copies(loss, LOST_CLOUDS, MOST_NEEDED), LEAST_CHUNKS)
 
 
 def _chunks(reduced: Cloud, point_format: cloud.PointFormat, settings: Settings, left: int, least: int) -> cloud.Chunks:

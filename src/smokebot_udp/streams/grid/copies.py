@@ -9,6 +9,8 @@ rarely, down to the slow refresh cycle.
 import math
 from typing import NamedTuple
 
+from ...copies import believed, copies
+
 ROUND_TRIP = 0.3
 """After this time a report names what arrived: it waits for the next one, 0.1 s at most, and crosses the link [s]."""
 
@@ -22,21 +24,13 @@ more in any case."""
 SLOWER = 2 ** 0.25
 """From then on, each interval is longer than the one before by this factor."""
 
-LEAST_LOSS, MOST_LOSS = 1e-3, 0.95
-"""Losses outside are not believed."""
-
 MAX_COPIES = 24
 """Number of copies of what changed, and of an overview, at most. Higher losses than 0.82 are not made up for."""
 
 
-def copies(loss: float, residual: float, most: int = MAX_COPIES) -> int:
-    """How many copies of a datagram are sent so that all of them are lost with a probability of `residual` at most."""
-    return max(1, min(most, math.ceil(math.log(residual) / math.log(_believed(loss)) - 1e-9)))
-
-
 def sent_for(needed: int, loss: float, residual: float, most: int = MAX_COPIES) -> int:
     """How many datagrams are sent so that fewer than are needed arrive with a probability of `residual` at most."""
-    lost = _believed(loss)
+    lost = believed(loss)
     count = needed
     while count < most and sum(math.comb(count, arrived) * (1 - lost) ** arrived * lost ** (count - arrived)
                                for arrived in range(needed)) > residual:
@@ -58,13 +52,9 @@ class Pattern(NamedTuple):
         :param urgent: whether it is of a change
         """
         if urgent:
-            count = copies(self.loss, URGENT_RESIDUAL)
+            count = copies(self.loss, URGENT_RESIDUAL, MAX_COPIES)
             if tries < count:
                 return URGENT_TIME / count
-        a_round = max(1, round(1 / (1 - _believed(self.loss))))
+        a_round = max(1, round(1 / (1 - believed(self.loss))))
         fast_tries = max(MIN_TRIES, copies(self.loss, PATIENT_RESIDUAL, MAX_TRIES))
         return min(self.slow, ROUND_TRIP / a_round * SLOWER ** min(max(0, tries - fast_tries), 200))
-
-
-def _believed(loss: float) -> float:
-    return min(max(loss, LEAST_LOSS), MOST_LOSS)

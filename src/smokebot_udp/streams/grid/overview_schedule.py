@@ -5,7 +5,8 @@ Nobody acknowledges it. Times are by a steady clock [s].
 """
 import math
 
-from .copies import ROUND_TRIP, copies
+from ...copies import copies
+from .copies import MAX_COPIES, ROUND_TRIP
 
 RESIDUAL = 0.02
 """Probability that all copies of a datagram of an overview are lost."""
@@ -63,7 +64,7 @@ class OverviewSchedule:
         :param loss: packet-loss ratio that is expected
         :param takes: its size by the bitrate [s]
         """
-        count = copies(loss, RESIDUAL)
+        count = copies(loss, RESIDUAL, MAX_COPIES)
         if self._wanted and now >= self._next_begin():
             self._wanted, self._began, self._left, self._takes = False, now, count, 0.0
         self._left -= 1
