@@ -212,8 +212,8 @@ class ProbeController:
     def _judge(self, seen: Observation, capacity: float, depth: float, empty: bool) -> bool:
         """Whether the train on the way has ended; then it is judged.
 
-        Behind a shaper it ends once it has shown something: more, or a queue where there was none, beside which the rate
-        was measured, and which the rest of it would only prolong.
+        Behind a shaper that is sure it ends once it has shown something: more, or a queue where there was none, beside
+        which the rate was measured, and which the rest of it would only prolong.
 
         :param empty: whether the queue is, after it
         """

@@ -11,8 +11,8 @@ from ...codecs.perception.voxel import filter_with_fields, pcl, voxel_filter
 from ...codecs.wire import cloud, sorted_cloud
 from ...codecs.wire.cloud_fields import COORDINATES, CloudField, names_of, write_fields
 from ...codecs.wire.points import Cloud, read_cloud
-from ...copies import copies
 from ...congestion.operating_points import OperatingPoint, cloud_points
+from ...copies import copies
 from ...mission.parameters import Parameter
 from ...mission.settings import Settings
 from ...msg import CloudChunk
