@@ -2,10 +2,11 @@
 """A camera over a narrow link, beside what a user would pick instead: the cells of `bench live` that doc/ shows."""
 import json
 import pathlib
-from typing import Any, Dict, List, Optional, Sequence, Tuple, Union
+from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
 
 from benchmarks import live, live_report
 from evaluation import live_goals
+from evaluation.live_score import Row
 
 from ..runner import Figure, Run, Table
 
@@ -57,7 +58,7 @@ def plot(folder: pathlib.Path) -> List[Union[Figure, Table]]:
 
 def images_table(folder: pathlib.Path) -> Table:
     """How sharp each image was that was shown."""
-    def psnr(row: Dict[str, Any]) -> str:
+    def psnr(row: Row) -> str:
         return '%.1f (%.1f)' % (row['image mean [dB]'], row['image 5 % [dB]'])
     return _compared(folder, 'Each image shown, beside the one that the camera took: mean PSNR, and in brackets the '
                      '5th percentile [dB].', psnr)
@@ -102,22 +103,23 @@ DOC_TABLES = {'images': images_table, 'screen': screen_table, 'ages': ages_table
               'steps': steps_table}
 
 
-def _compared(folder: pathlib.Path, caption: str, told: Any, beside: Optional[Dict[str, str]] = None) -> Table:
+def _compared(folder: pathlib.Path, caption: str, text_of: Callable[[Row], str],
+              beside: Optional[Dict[str, str]] = None) -> Table:
     """A row for each link, a column for each method.
 
-    :param told: f(row) -> text
+    :param text_of: f(row of a method) -> its cell
     :param beside: further columns
     """
     names = {**NAMES, **(beside or {})}
     cells: Dict[Tuple[str, str], Dict[str, str]] = {}
     for row in load(folder)['rows']:
         shown = row['image mean [dB]'] is not None and row['age p50 [s]'] is not None
-        cells.setdefault(_link(row), {})[row['method']] = told(row) if shown else 'nothing'
+        cells.setdefault(_link(row), {})[row['method']] = text_of(row) if shown else 'nothing'
     rows: List[Sequence[Any]] = [[*link, *(found.get(method, '') for method in names)] for link, found in cells.items()]
     return Table(caption, ['Mbit/s', 'lost [%]', *names.values()], rows)
 
 
-def _link(row: Dict[str, Any]) -> Tuple[str, str]:
+def _link(row: Row) -> Tuple[str, str]:
     return '%g' % row['link [Mbit/s]'], '%g' % row['loss [%]']
 
 

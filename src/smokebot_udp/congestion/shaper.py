@@ -44,8 +44,8 @@ agreed with that one counts as if AGREE queues had shown it: it is a number of b
 changes. What queues showed since they did not is no depth, but what the path carried beyond the old rate [1, 1]."""
 
 ALIKE, SURE = 0.75, 4
-"""A depth is sure where half of the last QUEUES queues have shown this part of it at least, and so many queues have.
-Where there is no bucket, they show this and that [1, 1]."""
+"""A depth counts as sure if at least half of the last QUEUES queues, and at least SURE of them, have shown this part of
+it or more. Where there is no bucket, they show depths that differ [1, 1]."""
 
 SPENDS = 0.25
 """Where this part of the datagrams of a report met no queue, they spent tokens, or nothing else fills the queue."""
@@ -104,7 +104,7 @@ class Shaper:
 
     def _pass(self, before: PacketSample, sample: PacketSample, wait: float, rate: float, noise: float) -> Passed:
         if sample is not before:
-            # no sample tells of other bytes between the two: they count as sent evenly
+            # no sample says when other bytes between the two left: they count as sent evenly
             since = sample.total - before.total
             together = min(max(sample.size, sample.together), since)
             self.level = max(0.0, self.level + since - together - rate * (sample.sent - before.sent))

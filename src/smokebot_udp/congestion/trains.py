@@ -59,8 +59,8 @@ RETRY_INTERVAL = 0.8
 """Time from an unsuccessful train to the next one [s]."""
 
 CLEAR_RETRY_INTERVAL = 0.3
-"""Time from an unsuccessful train to the next one where the train left no queue, and behind a shaper caused none. It
-cost nothing, and too much of it was lost, or too little was due, to show a rate. 0 missed two bounds of
+"""Time from an unsuccessful train to the next one where it left no queue, or behind a shaper that is sure caused none.
+It cost nothing, and too much of it was lost, or too little was due, to show a rate. 0 missed two bounds of
 test_simulated_air.py by a little, 0.3 none [s]."""
 
 REFILL_INTERVALS = 4.0
@@ -227,8 +227,8 @@ class ProbeController:
             self._interval = RETRY_INTERVAL
         else:
             cleared = self._beside > 0 and not self._queued if depth else empty
-            self._next = seen.now + (CLEAR_RETRY_INTERVAL if cleared else
-                                RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity)
+            waits = CLEAR_RETRY_INTERVAL if cleared else RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity
+            self._next = seen.now + waits
             self._wished = seen.now + self._interval
             if complete:
                 self._interval = min(2 * self._interval, MAX_RETRY_INTERVAL)
