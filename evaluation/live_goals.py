@@ -52,7 +52,7 @@ class Judge:
 def missed(results: Mapping[str, Any]) -> List[str]:
     """What was missed, a line each.
 
-    :param results: see benchmarks.live.run
+    :param results: see live_cells.measure
     """
     judge = Judge()
     cells: Dict[str, Dict[str, Row]] = {}

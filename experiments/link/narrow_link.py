@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""A camera over a narrow link, beside what a user would pick instead: the cells of `bench live` that doc/ shows."""
+"""A camera over a narrow link, beside what a user would pick instead: the cells that doc/ shows."""
 import json
 import pathlib
 from typing import Any, Callable, Dict, List, Optional, Sequence, Tuple, Union
 
-from benchmarks import live, live_report
-from evaluation import live_goals
+from evaluation import live_goals, live_report
+from evaluation.live_cells import IDEAL, Cells, measure
 from evaluation.live_score import Row
+from evaluation.shapers import parse
 
 from ..runner import Figure, Run, Table
 
@@ -22,9 +23,9 @@ NAMES = {'ours': 'this package', 'gst': 'H.264/RTP', 'fec': 'with 25 % ULPFEC', 
          'srt': 'H.264 over SRT'}
 """{method: its column}, of those that are shown."""
 
-FULL = ['--rates', '0.3,1,3', '--losses', '0,5,20,50', '--steps', '3,0.5,3']
-QUICK = ['--rates', '1', '--losses', '5', '--steps', '']
-COMMON = ['--shapers', 'tbf6', '--seconds', '20', '--masters', 'own', '--idle', '0']
+METHODS = ('ours', IDEAL, *list(NAMES)[1:])
+FULL = Cells([parse('tbf6')], [0.3, 1.0, 3.0], [0.0, 5.0, 20.0, 50.0], METHODS, 20.0, [3.0, 0.5, 3.0])
+QUICK = FULL._replace(rates=[1.0], losses=[5.0], steps=[])
 
 SHOWN = 'tbf6, 1 Mbit/s, 5 %'
 """The cell whose course is drawn."""
@@ -32,14 +33,12 @@ SHOWN = 'tbf6, 1 Mbit/s, 5 %'
 
 def run(run: Run) -> None:
     """Write results.json, and the files of `bench live`."""
-    methods = ','.join(['ours', live.IDEAL, *list(NAMES)[1:]])
-    chosen = live.options([*COMMON, *(QUICK if run.quick else FULL), '--methods', methods])
-    results = live.measure(chosen, run.folder, print)
+    results = measure(QUICK if run.quick else FULL, run.folder, print)
     (run.folder / 'results.json').write_text(json.dumps(results, default=float))
 
 
 def load(folder: pathlib.Path) -> Dict[str, Any]:
-    """What was measured, see live.measure."""
+    """What was measured, see live_cells.measure."""
     found: Dict[str, Any] = json.loads((folder / 'results.json').read_text())
     return found
 
@@ -68,7 +67,7 @@ def screen_table(folder: pathlib.Path) -> Table:
     """How well the screen showed what the camera saw."""
     return _compared(folder, 'The screen, beside what the camera sees at the moment: mean PSNR [dB]. *Ideal*: '
                      'layered images that have the whole rate, and are as old as those of this package were.',
-                     lambda row: '%.1f' % row['screen mean [dB]'], {live.IDEAL: 'ideal'})
+                     lambda row: '%.1f' % row['screen mean [dB]'], {IDEAL: 'ideal'})
 
 
 def ages_table(folder: pathlib.Path) -> Table:

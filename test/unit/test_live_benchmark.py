@@ -5,8 +5,9 @@ from typing import Any
 import pytest
 from test_live_score import a_screen, told
 
-from benchmarks import live, live_report
+from benchmarks import live
 from benchmarks.__main__ import command_line
+from evaluation import live_report
 from evaluation.gst_pipelines import WAYS, bit_rate
 from evaluation.live_run import Cell, Outcome
 from evaluation.live_score import judged, judged_step

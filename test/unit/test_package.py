@@ -60,8 +60,8 @@ ENDING = SOURCE / 'udpros' / 'ending.py'
 """The only module that may call rospy.on_shutdown, which forgets what it is given while a node is ended that starts."""
 
 BESIDE = {'evaluation': {'smokebot_udp'}, 'benchmarks': {'smokebot_udp', 'evaluation'},
-          'experiments': {'smokebot_udp', 'evaluation', 'benchmarks'}}
-"""What is not installed, and what of this checkout it may import. An experiment may show what a benchmark measures."""
+          'experiments': {'smokebot_udp', 'evaluation'}}
+"""What is not installed, and what of this checkout it may import."""
 
 
 def imports(path: pathlib.Path, top: pathlib.Path, package: str) -> Iterator[str]:

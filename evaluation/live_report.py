@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: BSD-3-Clause
-"""The tables, files and plots of benchmarks/live.py."""
+"""The tables, files and plots of live_cells.py."""
 import pathlib
 import re
 from typing import Any, List, Mapping, Sequence, Tuple
@@ -7,10 +7,10 @@ from typing import Any, List, Mapping, Sequence, Tuple
 import numpy as np
 from matplotlib.figure import Figure
 
-from evaluation import csv_rows, live_goals
-from evaluation.live_idle import COMPLETE
-from evaluation.live_run import Outcome
-from evaluation.live_score import SETTLED, Row, image_rows, link_rows
+from . import csv_rows, live_goals
+from .live_idle import COMPLETE
+from .live_run import Outcome
+from .live_score import SETTLED, Row, image_rows, link_rows
 
 Columns = Sequence[Tuple[str, str]]
 """(name, format)"""
@@ -28,9 +28,6 @@ IDLE_COLUMNS: Columns = [
     ('streams', '%s'), ('to operator at first [kB]', '%.1f'), ('to operator then [kbit/s]', '%.1f'),
     ('to robot at first [kB]', '%.1f'), ('to robot then [kbit/s]', '%.1f')]
 IDLE = 'idle: what crosses beside the images of a camera, or without one; until %g s after the start, then' % COMPLETE
-
-
-
 
 
 def slug(*words: str) -> str:
