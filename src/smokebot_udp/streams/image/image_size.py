@@ -4,10 +4,13 @@
 An image on the screen differs from the scene by the error of its coding and by what has moved since. The first falls
 with each byte, along the codec's own curve of this image. The second grows with the time that the image takes until it
 is shown, and so with each byte that is coded, sent and decoded before. But a sharp image of a moment ago is of more use
-than a blurred one of now: until an image is good, its error counts 1 / MOTION times. The size is the one with the least
-sum, among those that the link has room for until the next image:
+than a blurred one of now: until an image is good, its error counts 1 / MOTION times. So one size has the least sum.
+Where a scene moves fast nothing but its motion would count, and images would be blurred to be a few ms newer. There
+another size is larger, that of the best mean PSNR until the next image: the screen shows the last one for t(n) of the
+period T. The size is the larger of the two, among those that the link has room for until the next image:
 
     minimise    max(D(n) - D(good), 0) / MOTION + min(D(n), D(good)) + G t(n)
+    minimise    (1 - t(n) / T) log D(n) + t(n) / T log(D(n) + G T)      with D(n) >= D(good)
     where       t(n) = max(n overhead - tokens, 0) / room + n coding
     subject to  n overhead <= granted
     D(n)        mean squared error of n bytes of the stream; good: GOOD_ERROR, or that of GOOD_BITS if it is larger
@@ -21,6 +24,7 @@ leaves. The median is what promises most then; a single estimate that is wrong c
 changed is followed within two.
 """
 import enum
+import math
 from typing import Any, Mapping, NamedTuple, Tuple
 
 import numpy as np
@@ -51,6 +55,9 @@ fast are blurred, with less they are older: a simulated thermal camera at 57 deg
 GOOD_ERROR = 255 ** 2 / 10 ** (42.5 / 10)
 """Mean squared error of a good image, 42.5 dB of 8 bits: with more bytes the recorded camera gains less from its coding
 than it loses by its age, at 3 Mbit/s and above [count^2]."""
+
+ROUNDING = 1 / 12
+"""Mean squared error of what is exact but for the rounding of the values [count^2]."""
 
 GOOD_BITS = 1.2
 """An image of this size is good, whatever its error is: of a noisy sensor the error stays above GOOD_ERROR
@@ -131,7 +138,7 @@ def grant(settings: Mapping[str, Any], room: float, period: float, waiting: floa
     return Grant(max(size, LEAST_BYTES), bound)
 
 
-def choose(ends: IntArray, errors: FloatArray, cells: int, growth: float, costs: Costs,
+def choose(ends: IntArray, errors: FloatArray, cells: int, growth: float, period: float, costs: Costs,
            least: float = GOOD_ERROR) -> Tuple[int, float]:
     """The number of truncation points with which the screen is best, and the mean squared error then.
 
@@ -139,14 +146,30 @@ def choose(ends: IntArray, errors: FloatArray, cells: int, growth: float, costs:
     :param errors: (s,) mean squared errors there [count^2]
     :param cells: values of the image
     :param growth: of the mean squared error with the age of an image [count^2/s]
+    :param period: see `period_of` [s]
     :param least: mean squared error from which on an image is good; 0: of measurements only GOOD_BITS say so [count^2]
     """
     good = max(least, errors[min(int(np.searchsorted(ends, GOOD_BITS / 8 * cells)), len(ends) - 1)])
     lacking = np.maximum(errors - good, 0) + MOTION * np.minimum(errors, good)
-    best = int(np.argmin(lacking + age_cost(growth) * costs.durations(ends)))
+    durations = costs.durations(ends)
+    best = int(np.argmin(lacking + age_cost(growth) * durations))
+    if growth:
+        seen = np.maximum(errors, max(good, ROUNDING))
+        best = max(best, int(np.argmin(_unlike(seen, growth * period, durations / period))))
     better_later = bool((errors[best + 1:] < CLEARLY * errors[best]).any())
     points = best + 1 if better_later else len(ends)
     return points, float(errors[points - 1])
+
+
+def _unlike(errors: FloatArray, moved: float, parts: FloatArray) -> FloatArray:
+    """Mean logarithm of the squared error of the screen until the next image; infinite: an image comes after that.
+
+    :param errors: mean squared errors of images [count^2]
+    :param moved: what they grow by within a period [count^2]
+    :param parts: of the period, until an image is shown: so long the one before is
+    """
+    found: FloatArray = (1 - parts) * np.log(errors) + parts * np.log(errors + moved)
+    return np.where(parts < 1, found, math.inf)
 
 
 def age_cost(growth: float) -> float:

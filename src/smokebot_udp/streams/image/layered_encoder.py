@@ -24,7 +24,7 @@ from .coding import Coded, CompressedImages
 from .coding_time import CodingTime
 from .freshness import MotionMeter, Repeats
 from .held_by_all import HeldByAll
-from .image_size import GOOD_ERROR, LEAST_BYTES, MORE, SPARE, Bound, Costs, Grant, age_cost, choose
+from .image_size import GOOD_ERROR, LEAST_BYTES, MORE, SPARE, Bound, Costs, Grant, age_cost, choose, period_of
 from .pixel_layers import Layerable, layerable, shape_of
 from .prediction import SAVES, Prediction, Predictor
 from .references import CodedImage, ends_of, with_motion
@@ -101,8 +101,8 @@ class LayeredImages(CompressedImages):
         # no image takes more than its pixels, but for what it is protected by
         most = source.pixels.nbytes * datagrams.protected(link.outlook.loss(RESERVE))
         granted = granted._replace(size=max(min(granted.size, most), datagrams.least))
-        return _Job(message, source, stamp, texts, growth, datagrams, granted, link.outlook, link.operators(LAYERS),
-                    began)
+        return _Job(message, source, stamp, texts, growth, period_of(link.frame_rate(settings)), datagrams, granted,
+                    link.outlook, link.operators(LAYERS), began)
 
     def _compressed(self, job: '_Job', settings: Settings) -> '_Compressed':
         """The stream of an image, predicted where that saves anything."""
@@ -122,7 +122,7 @@ class LayeredImages(CompressedImages):
         costs = Costs(job.datagrams.protected(outlook.loss(LIKELY)), self._time.per_byte, outlook.room * outlook.gain(),
                       outlook.tokens())
         points, square = choose(ends, np.maximum(stream.errors[:found.good], 0) / stream.cells, stream.cells,
-                                job.growth, costs, GOOD_ERROR if job.itemsize == 1 else 0.0)
+                                job.growth, job.period, costs, GOOD_ERROR if job.itemsize == 1 else 0.0)
         self._error = math.sqrt(square)
         bound = _bound_of(found, points, granted)
         needed = float(ends[points - 1])
@@ -243,6 +243,8 @@ class _Job(NamedTuple):
     """frame_id and encoding."""
     growth: float
     """Growth of its mean squared error with its age; 0: its size does not depend on that [count^2/s]."""
+    period: float
+    """Time until the next one [s]."""
     datagrams: Datagrams
     granted: Grant
     outlook: Outlook
