@@ -12,7 +12,7 @@ from .feedback import PacketSample
 from .path import Observation
 
 DURATION = 0.025
-"""What a train has beyond the tokens takes this long at the known capacity [s]."""
+"""What a train has beyond the tokens takes this long at the known capacity, or longer where delays are noisy [s]."""
 
 MIN_PACKETS = 3
 """Datagrams in a train, at least: two intervals."""
@@ -26,8 +26,10 @@ EXCESS = 1.2
 
 BEYOND, BEYOND_NOISE = 0.02, 4.0
 """The same for a train that has the tokens and this in one message: this long at the known capacity, and this multiple
-of what noise adds to delays. Beside 10 ms of noise a bucket of 6 kB hid for 15 s that 0.3 Mbit/s had become 1 where it
-was 50 ms in all, and each train delayed an image by 100 ms where it was 80 [s, 1]."""
+of what noise adds to delays. Another train takes this multiple itself. Beside 10 ms of noise a bucket of 6 kB hid for
+15 s that 0.3 Mbit/s had become 1 where it was 50 ms in all, and each train delayed an image by 100 ms where it was 80.
+Without a bucket, beside 4 ms of noise, it took 4 to 6 s until 0.3 Mbit/s that had become 20 were known, where trains
+took 12 ms and were repeated after RETRY_INTERVAL at the earliest; now it takes 2 s (experiments adaptation) [s, 1]."""
 
 AT_ONCE = 16.0
 """Rate of a train that has a shaper's tokens and what is beyond them in one message, in known capacities."""
@@ -132,15 +134,27 @@ class TrainTracker:
         return train
 
 
+class _Probe(NamedTuple):
+    """What was known as the last train left."""
+    capacity: float = math.inf
+    """[byte/s]"""
+    empty: bool = False
+    """Whether the queue was empty."""
+    sure: bool = False
+    """Whether nothing but a shaper could delay it."""
+    due: float = 0.0
+    """What had to leave at once for it [byte]."""
+    beside: float = 0.0
+    """What might leave beside that [byte]."""
+
+
 class ProbeController:
     """Decides when a train leaves: one at a time, while the queue is empty and the streams want more."""
 
     def __init__(self) -> None:
         self._trains = TrainTracker()
-        self._capacity, self._empty = math.inf, False   # known when the last one left, and whether the queue was empty
-        self._due, self._beside = 0.0, 0.0      # what has to leave at once for it, and what may leave beside it [byte]
+        self._last = _Probe()
         self._succeeded = self._queued = False      # the last one, and whether datagrams of its time waited
-        self._sure = False          # whether nothing but a shaper can have delayed it
         self._next = -math.inf      # not before [s]
         self._interval = RETRY_INTERVAL     # after the next unsuccessful train [s]
         self._wished = -math.inf    # where streams only wish for more: not before [s]
@@ -152,12 +166,13 @@ class ProbeController:
         :param total: bytes of all streams sent so far
         """
         train = self._trains.on_the_way
-        due = min(self._due, train.ends - total) if train else 0.0
+        due = min(self._last.due, train.ends - total) if train else 0.0
         return min(max(1.0, due / (DUE_TIME * budget)), MAX_PLANNED)
 
     def most(self, depth: float) -> float:
         """What the last train may show behind a token bucket [byte, byte/s]."""
-        return (MAX_LASTING_STEP if depth > LASTING * self._capacity else MAX_STEP) * self._capacity
+        known = self._last.capacity
+        return (MAX_LASTING_STEP if depth > LASTING * known else MAX_STEP) * known
 
     def retry(self) -> None:
         """Wait no longer after an unsuccessful train."""
@@ -186,8 +201,7 @@ class ProbeController:
         train, due = self._train(capacity, depth, sure and empty, seen)
         if not empty and (train.size <= least or now < self._next + QUEUED_RETRY_INTERVAL):
             return None
-        self._capacity, self._empty, self._queued, self._sure = capacity, empty, False, sure and empty
-        self._due, self._beside = due, train.size - due
+        self._last, self._queued = _Probe(capacity, empty, sure and empty, due, train.size - due), False
         self._trains.leave(train, seen.newest, seen.feedback.unreported, now, TIMEOUT + train.size / capacity)
         return train
 
@@ -198,7 +212,8 @@ class ProbeController:
         """
         if depth <= DURATION * capacity:
             gain = NEXT_GAIN if self._succeeded else FIRST_GAIN
-            size = max(MIN_PACKETS * seen.newest.size, DURATION * capacity + EXCESS * depth * gain)
+            beyond = max(DURATION, FIRST_GAIN * BEYOND_NOISE * seen.noise) * capacity
+            size = max(MIN_PACKETS * seen.newest.size, beyond + EXCESS * depth * gain)
             return Train(gain * capacity, size), size
         longest = max(sample.size for sample in seen.chain) if sure else seen.newest.size
         beyond = max((BEYOND + BEYOND_NOISE * seen.noise) * capacity, MIN_PACKETS * longest)
@@ -217,16 +232,17 @@ class ProbeController:
 
         :param empty: whether the queue is, after it
         """
-        complete, grown = self._trains.arrived(seen.newest), capacity > SUCCESS_FACTOR * self._capacity
-        shown = self._sure and depth > 0 and (grown or seen.carried > 0)
+        complete, grown = self._trains.arrived(seen.newest), capacity > SUCCESS_FACTOR * self._last.capacity
+        shown = self._last.sure and depth > 0 and (grown or seen.carried > 0)
         if self._trains.ended(seen.newest, seen.now, shown) is None:
             return False
         # where the queue was not empty others may have paused when it arrived
-        self._succeeded = self._empty and grown
+        self._succeeded = self._last.empty and grown
         if self._succeeded:
             self._interval = RETRY_INTERVAL
         else:
-            cleared = self._beside > 0 and not self._queued if depth else empty
+            deep = depth > DURATION * capacity
+            cleared = self._last.beside > 0 and not self._queued if deep else empty
             waits = CLEAR_RETRY_INTERVAL if cleared else RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity
             self._next = seen.now + waits
             self._wished = seen.now + self._interval
