@@ -302,6 +302,8 @@ class CloudStreams(StreamsCase):
         self.flood('packed', CloudChunk, forge_chunk)
         self.flood('sorted', CloudChunk, forge_chunk)
         self.flood('scan', ScanSegment, forge_scan)
+        self.setUp()
+        wait_for(self.everything_flows, 60, 'what was forged to be taken from the queues')
         self.test_without_loss_a_cloud_is_the_voxel_filtered_one()
         self.test_without_loss_scans_are_right_to_the_millimetre()
 
