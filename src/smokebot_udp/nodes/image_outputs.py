@@ -2,7 +2,7 @@
 """The further topics of an image stream: its calibration, a mask, compressed images, a view."""
 import collections
 import threading
-from typing import Any, Callable, Deque, Mapping, Tuple, Type, Union
+from typing import Any, Callable, Deque, Mapping, Tuple, Type
 
 import rospy
 from sensor_msgs.msg import CameraInfo, CompressedImage, Image
@@ -123,7 +123,6 @@ class CompressedOutput(_Output):
         self._publisher.publish(CompressedImage(header=header, format=description, data=data))
 
 
-Output = Union[MaskOutput, ViewOutput, CameraInfoOutput, CompressedOutput]
 OUTPUTS: Mapping[str, Type[Any]] = {'camera_info': CameraInfoOutput, 'publish_mask': MaskOutput,
                                     'publish_compressed': CompressedOutput, 'view_topic': ViewOutput}
 """{setting: class of the output}: there is an output if its setting is neither false nor empty."""

@@ -14,8 +14,6 @@ import math
 import re
 from typing import List
 
-ESCAPE = '\x1b'
-
 SEQUENCE = re.compile('\x1b(?:\\[[0-?]*[ -/]*[@-~]|O[0-?]*[@-~]|[ -/]*[0-NP-Z\\\\-~])')
 BEGINNING = re.compile('\x1b(?:\\[[0-?]*[ -/]*|O[0-?]*|[ -/]*)\\Z')
 

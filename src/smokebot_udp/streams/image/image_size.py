@@ -155,13 +155,13 @@ def choose(ends: IntArray, errors: FloatArray, cells: int, growth: float, period
     best = int(np.argmin(lacking + age_cost(growth) * durations))
     if growth:
         seen = np.maximum(errors, max(good, ROUNDING))
-        best = max(best, int(np.argmin(_unlike(seen, growth * period, durations / period))))
+        best = max(best, int(np.argmin(_log_errors(seen, growth * period, durations / period))))
     better_later = bool((errors[best + 1:] < CLEARLY * errors[best]).any())
     points = best + 1 if better_later else len(ends)
     return points, float(errors[points - 1])
 
 
-def _unlike(errors: FloatArray, moved: float, parts: FloatArray) -> FloatArray:
+def _log_errors(errors: FloatArray, moved: float, parts: FloatArray) -> FloatArray:
     """Mean logarithm of the squared error of the screen until the next image; infinite: an image comes after that.
 
     :param errors: mean squared errors of images [count^2]
