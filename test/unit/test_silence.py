@@ -63,6 +63,15 @@ def test_an_interruption_does_not_make_it_patient_for_long() -> None:
     assert asked_at(silence, 169.0, 169.0, 175.0) == [3]
 
 
+def test_a_new_connection_is_no_message_and_makes_it_no_more_patient() -> None:
+    """A connection was made at 100 s and replaced at 110 s; the only message came at 112 s."""
+    silence = Silence(100.0)
+    for made in (100.0, 110.0):
+        assert not silence.due(made, made + 1.0, message=False)
+    silence.due(112.0, 112.5)
+    assert asked_at(silence, 112.0, 112.0, 120.0) == [3]
+
+
 def test_a_question_without_answer_is_repeated_soon() -> None:
     silence = Silence(100.0)
     asked_at(silence, 100.0, 100.0, 150.0)

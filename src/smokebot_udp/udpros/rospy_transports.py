@@ -195,8 +195,13 @@ class SubscriberTransport(UdpTransport):
 
     @property
     def idle(self) -> float:
-        """Time since a datagram of the publisher was received last [s]."""
+        """Time since a datagram of the publisher was received last, or since it was made [s]."""
         return time.monotonic() - self.subscription.last_arrival
+
+    @property
+    def worked(self) -> bool:
+        """Whether anything was ever received through it."""
+        return self.subscription.depacketizer.datagrams > 0
 
     @property
     def refused_datagrams(self) -> int:

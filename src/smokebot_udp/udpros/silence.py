@@ -43,13 +43,15 @@ class Silence:
         self._pauses = Backoff(SILENCE_TIMEOUT, MAX_SILENCE_PERIOD)
         self._heard, self._usual = -float('inf'), 0.0       # the last message; its usual pause [s]
 
-    def due(self, heard: float, now: float, early: float = 1.0) -> bool:
+    def due(self, heard: float, now: float, early: float = 1.0, message: bool = True) -> bool:
         """Whether to ask now.
 
         :param heard: when the topic was heard last; -inf: never [s]
         :param early: the part of the interval that is enough
+        :param message: whether that was a message; else a new connection, which begins no usual pause
         """
-        self._learn(heard)
+        if message:
+            self._learn(heard)
         if heard > self.asked_at:
             self._pauses.reset()
         timeout = min(max(SILENCE_TIMEOUT, USUAL_FACTOR * self._usual), MAX_SILENCE_PERIOD)

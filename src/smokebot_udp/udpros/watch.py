@@ -273,10 +273,10 @@ class Watch:
         """
         of_node: Dict[str, List[Tuple[UdpSubscriberImpl, SubscriberTransport]]] = {}
         for impl in _subscribed():
-            heard = now - _last_heard(impl, now) < SILENCE_TIMEOUT
+            heard = now - _last_heard(impl, now)[0] < SILENCE_TIMEOUT
             for connection in _connections(impl):
-                if connection.idle >= SILENCE_TIMEOUT and (
-                        impl in silent or (heard and connection.silence.due(now - connection.idle, now))):
+                if connection.idle >= SILENCE_TIMEOUT and (impl in silent or (heard and connection.silence.due(
+                        now - connection.idle, now, message=connection.worked))):
                     connection.silence.asked(now)
                     of_node.setdefault(connection.endpoint_id, []).append((impl, connection))
         for uri, found in of_node.items():
@@ -323,18 +323,18 @@ def _connections(impl: UdpSubscriberImpl) -> List[SubscriberTransport]:
 def _silent(now: float) -> List[UdpSubscriberImpl]:
     """The topics to ask for now: all that are silent, as soon as one is due."""
     heard = {impl: _last_heard(impl, now) for impl in _subscribed()}
-    if not any(impl.silence.due(when, now) for impl, when in heard.items()):
+    if not any(impl.silence.due(when, now, message=message) for impl, (when, message) in heard.items()):
         return []
-    silent = [impl for impl, when in heard.items() if impl.silence.due(when, now, early=0.5)]
+    silent = [impl for impl, (when, message) in heard.items() if impl.silence.due(when, now, 0.5, message)]
     for impl in silent:
         impl.silence.asked(now)
     return silent
 
 
-def _last_heard(impl: UdpSubscriberImpl, now: float) -> float:
-    """When a topic was heard last [s]; a TCP connection notices itself when it ends."""
-    return max((now - connection.idle if isinstance(connection, SubscriberTransport) else now
-                for connection in impl.connections), default=-float('inf'))
+def _last_heard(impl: UdpSubscriberImpl, now: float) -> Tuple[float, bool]:
+    """When a topic was heard last [s], and whether by a message; a TCP connection notices itself when it ends."""
+    return max(((now - connection.idle, connection.worked) if isinstance(connection, SubscriberTransport)
+                else (now, True) for connection in impl.connections), default=(-float('inf'), False))
 
 
 def _is_broken(impl: UdpSubscriberImpl, connection: SubscriberTransport, entries: Sequence[BusEntry]) -> bool:
@@ -347,9 +347,8 @@ def _is_broken(impl: UdpSubscriberImpl, connection: SubscriberTransport, entries
     refused, connection.refused_before = connection.refused_before, connection.refused_datagrams
     if connection.refused_datagrams > refused:      # from another address of the publisher, or another connection
         return True
-    worked = connection.subscription.depacketizer.datagrams > 0
-    return not (worked and connection.is_latched) and impl.renegotiations[connection.endpoint_id].due(
-        connection.idle, worked)
+    return not (connection.worked and connection.is_latched) and impl.renegotiations[connection.endpoint_id].due(
+        connection.idle, connection.worked)
 
 
 def _is_ours(entry: BusEntry, connection: SubscriberTransport) -> bool:
