@@ -35,7 +35,7 @@ class Cells(NamedTuple):
     rates: Sequence[float]
     """[Mbit/s]"""
     losses: Sequence[float]
-    """Of UDP datagrams at the operator [%]."""
+    """Loss of UDP datagrams at the operator [%]."""
     methods: Sequence[str]
     """See METHODS; IDEAL is the offline reference for our method before it."""
     seconds: float
@@ -45,7 +45,7 @@ class Cells(NamedTuple):
     idle: float = 0.0
     """Rate of a cell in which nothing but one image stream, or not even that, is sent [Mbit/s]; 0: none."""
     masters: str = 'own'
-    """Of our nodes, see MASTERS."""
+    """Masters of our nodes, see MASTERS."""
 
 
 def measure(cells: Cells, folder: pathlib.Path, log: Log) -> Dict[str, Any]:
@@ -107,7 +107,7 @@ def _compared(cell: Cell, wanted: Sequence[str], masters: Type[Stack], folder: p
 
 def _referred(cell: Cell, found: Mapping[str, Outcome]) -> Optional[Outcome]:
     """What the first of our methods would have shown with the whole rate; None: none was measured."""
-    from .live_ideal import ideal   # compiled codecs
+    from .live_ideal import ideal  # compiled codecs
     ours = next((found[method] for method in OURS if method in found), None)
     return ours and ours._replace(screen=ideal(cell, ours.screen), told=[], notes={})
 
