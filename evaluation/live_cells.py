@@ -8,7 +8,7 @@ import itertools
 import pathlib
 import subprocess
 import tempfile
-from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Type
+from typing import Any, Callable, Dict, Iterable, Iterator, List, Mapping, NamedTuple, Optional, Sequence, Tuple, Type
 
 from . import live_report
 from .gst_pipelines import PACKAGES, WAYS
@@ -25,6 +25,7 @@ METHODS = (*OURS, IDEAL, *WAYS)
 MASTERS: Dict[str, Type[Stack]] = {'shared': Stack, 'own': OwnMasters}
 
 STEP_SECONDS = 15.0
+"""Duration of each rate of a cell with steps [s]."""
 
 Log = Callable[[str], None]
 
@@ -88,28 +89,42 @@ def install(wanted: Iterable[str], log: Log) -> None:
                         *missing], check=True, stdout=subprocess.DEVNULL)
 
 
-def _compared(cell: Cell, wanted: Sequence[str], masters: Type[Stack], folder: pathlib.Path, log: Log
-              ) -> Iterator[Row]:
-    """The rows of a cell, in the order of the methods."""
+def _outcomes(cell: Cell, wanted: Sequence[str], masters: Type[Stack], folder: pathlib.Path, log: Log
+              ) -> Iterator[Tuple[str, Outcome]]:
+    """(method, what it showed) of each that showed anything, in this order; then their plot is drawn."""
     found: Dict[str, Outcome] = {}
     for method in wanted:
         log('%s: %s' % (cell.name, method))
         outcome = _referred(cell, found) if method == IDEAL else _measured(cell, method, masters, folder, log)
         if outcome is not None:
             found[method] = outcome
-            row = {'cell': cell.name, 'method': method, 'link [Mbit/s]': 1e-6 * cell.rates[0],
-                   'loss [%]': 100 * cell.loss,
-                   **judged(outcome.screen, outcome.told, outcome.moments[0] + SETTLED, outcome.moments[-1])}
-            log(live_report.line(row))
-            yield row
+            yield method, outcome
     live_report.plot(cell.name, found, folder)
+
+
+def _compared(cell: Cell, wanted: Sequence[str], masters: Type[Stack], folder: pathlib.Path, log: Log
+              ) -> Iterator[Row]:
+    """The rows of a cell, in the order of the methods."""
+    for method, outcome in _outcomes(cell, wanted, masters, folder, log):
+        row = {'cell': cell.name, 'method': method, 'link [Mbit/s]': 1e-6 * cell.rates[0], 'loss [%]': 100 * cell.loss,
+               **judged(outcome.screen, outcome.samples, outcome.moments[0] + SETTLED, outcome.moments[-1])}
+        log(live_report.line(row))
+        yield row
+
+
+def _stepped(cell: Cell, wanted: Sequence[str], masters: Type[Stack], folder: pathlib.Path, log: Log) -> Iterator[Row]:
+    """A row for each method and each rate of a cell."""
+    for method, outcome in _outcomes(cell, wanted, masters, folder, log):
+        for rate, begun, ended in zip(cell.rates, outcome.moments, outcome.moments[1:]):
+            yield {'cell': cell.name, 'method': method, 'rate': rate / 1e6,
+                   **judged_step(outcome.screen, outcome.samples, begun, ended)}
 
 
 def _referred(cell: Cell, found: Mapping[str, Outcome]) -> Optional[Outcome]:
     """What the first of our methods would have shown with the whole rate; None: none was measured."""
     from .live_ideal import ideal  # compiled codecs
     ours = next((found[method] for method in OURS if method in found), None)
-    return ours and ours._replace(screen=ideal(cell, ours.screen), told=[], notes={})
+    return ours and ours._replace(screen=ideal(cell, ours.screen), samples=[], notes={})
 
 
 def _measured(cell: Cell, method: str, masters: Type[Stack], results: pathlib.Path, log: Log) -> Optional[Outcome]:
@@ -125,17 +140,3 @@ def _measured(cell: Cell, method: str, masters: Type[Stack], results: pathlib.Pa
         return None
     live_report.write_files(outcome, folder)
     return outcome
-
-
-def _stepped(cell: Cell, wanted: Sequence[str], masters: Type[Stack], folder: pathlib.Path, log: Log) -> Iterator[Row]:
-    """A row for each method and each rate of a cell."""
-    found: Dict[str, Outcome] = {}
-    for method in wanted:
-        log('%s: %s' % (cell.name, method))
-        outcome = _measured(cell, method, masters, folder, log)
-        if outcome is not None:
-            found[method] = outcome
-            for rate, begun, ended in zip(cell.rates, outcome.moments, outcome.moments[1:]):
-                yield {'cell': cell.name, 'method': method, 'rate': rate / 1e6,
-                       **judged_step(outcome.screen, outcome.told, begun, ended)}
-    live_report.plot(cell.name, found, folder)

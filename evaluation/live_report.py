@@ -85,7 +85,7 @@ def write(results: Mapping[str, Any], folder: pathlib.Path) -> None:
 def write_files(outcome: Outcome, folder: pathlib.Path) -> None:
     """Write a line for each image shown, and for each sample of the link."""
     for name, rows in (('images.csv', image_rows(outcome.screen, outcome.notes)),
-                       ('link.csv', link_rows(outcome.told, outcome.moments[0]))):
+                       ('link.csv', link_rows(outcome.samples, outcome.moments[0]))):
         if rows:
             csv_rows.write(folder / name, rows)
 

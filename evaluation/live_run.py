@@ -13,7 +13,7 @@ from smokebot_udp.monitoring.stages import Sized
 from .gst_pipelines import WAYS, bit_rate
 from .live_clip import HEIGHT, WIDTH, Clip
 from .live_methods import GStreamer, Method, Nodes
-from .live_score import Quality, Screen, Told
+from .live_score import LinkSample, Quality, Screen
 from .quality import psnr
 from .shaped_link import ShapedLink
 from .shapers import Shaper
@@ -57,7 +57,7 @@ class Cell(NamedTuple):
 class Outcome(NamedTuple):
     """What was seen; times by time.time() [s]."""
     screen: Screen
-    told: Sequence[Told]
+    samples: Sequence[LinkSample]
     notes: Dict[int, Sized]
     """See Method.notes."""
     moments: List[float]
@@ -112,32 +112,32 @@ class LiveRun(Started):
         :raises RuntimeError: where there is none
         """
         begun = max(self.first_image(), scene_begins(self.method))
-        moments, told = [begun], []     # type: List[float], List[Told]
+        moments, samples = [begun], []     # type: List[float], List[LinkSample]
         for rate in self._cell.rates:
-            if told:
+            if samples:
                 self.link.set_rate(rate)
                 moments.append(time.time())
-            told += self.watch(rate, moments[-1] + self._cell.seconds)
+            samples += self.watch(rate, moments[-1] + self._cell.seconds)
         moments.append(time.time())
         shown = self.method.shown()
         self.stack.end_all()    # for the machine: what follows takes time
         screen = Screen(list(self.method.taken), shown, quality_of(self._images))
-        return Outcome(screen, told, self.method.notes(), moments)
+        return Outcome(screen, samples, self.method.notes(), moments)
 
-    def watch(self, rate: float, until: float) -> List[Told]:
+    def watch(self, rate: float, until: float) -> List[LinkSample]:
         """Sample the link until a time.
 
         :param rate: [bit/s]
         """
-        told, last = [], self.link.sample()     # type: List[Told], Any
+        samples, last = [], self.link.sample()     # type: List[LinkSample], Any
         while time.time() < until:
             time.sleep(max(0.0, min(SAMPLE_PERIOD, until - time.time())))
             now = self.link.sample()
             carried = 8e-6 * (now.counted.sent - last.counted.sent) / (now.time - last.time)
-            told.append(Told(now.time, rate / 1e6, carried, now.counted.dropped - last.counted.dropped,
+            samples.append(LinkSample(now.time, rate / 1e6, carried, now.counted.dropped - last.counted.dropped,
                              self.method.status()))
             last = now
-        return told
+        return samples
 
 
 def await_image(method: Method, name: str) -> float:

@@ -58,7 +58,7 @@ class Shown(NamedTuple):
     """Among the images recorded."""
 
 
-class Told(NamedTuple):
+class LinkSample(NamedTuple):
     """What the robot's side says of the link, and what the link has carried."""
     time: float
     """By time.time() [s]."""
@@ -119,7 +119,7 @@ def longest_gap(times: Sequence[float], begun: float, ended: float) -> float:
     return max(after - before for before, after in zip(inside, inside[1:]))
 
 
-def judged(screen: Screen, told: Sequence[Told], begun: float, ended: float) -> Row:
+def judged(screen: Screen, samples: Sequence[LinkSample], begun: float, ended: float) -> Row:
     """A row of the table: of what was seen between two moments."""
     shown = [one for one in screen.shown if begun <= one.arrival < ended]
     images = [psnr for psnr in map(screen.image_psnr, shown) if psnr is not None]
@@ -131,14 +131,14 @@ def judged(screen: Screen, told: Sequence[Told], begun: float, ended: float) -> 
         row['age p%d [s]' % share] = float(np.percentile(ages, share)) if ages else None
     row['freeze [s]'] = longest_gap([one.arrival for one in screen.shown], begun, ended)
     row['rate [Hz]'] = len(shown) / (ended - begun)
-    said = [one for one in told if begun <= one.time < ended]
+    said = [one for one in samples if begun <= one.time < ended]
     return {**row, **link_use(said), 'used while blurred': link_use(blurred(screen, said))['used']}
 
 
-def blurred(screen: Screen, told: Sequence[Told]) -> List[Told]:
+def blurred(screen: Screen, samples: Sequence[LinkSample]) -> List[LinkSample]:
     """The samples of the times in which images were not SHARP, on average, or there were none for FROZEN."""
     found = []
-    for before, one in zip(told, told[1:]):
+    for before, one in zip(samples, samples[1:]):
         images = [psnr for psnr in (screen.image_psnr(image) for image in screen.shown
                                     if before.time <= image.arrival < one.time) if psnr is not None]
         is_blurred = statistics.fmean(images) < SHARP if images else one.time - before.time > FROZEN
@@ -147,15 +147,15 @@ def blurred(screen: Screen, told: Sequence[Told]) -> List[Told]:
     return found
 
 
-def link_use(told: Sequence[Told]) -> Row:
+def link_use(samples: Sequence[LinkSample]) -> Row:
     """How much of the link was used, and how often its capacity was known; None: nothing is known."""
-    capacities = [abs(one.status['capacity'] / one.rate - 1) <= TOLERANCE for one in told if one.status]
-    return {'used': statistics.fmean(one.carried / one.rate for one in told) if told else None,
+    capacities = [abs(one.status['capacity'] / one.rate - 1) <= TOLERANCE for one in samples if one.status]
+    return {'used': statistics.fmean(one.carried / one.rate for one in samples) if samples else None,
             'capacity known': statistics.fmean(capacities) if capacities else None,
-            'dropped': sum(one.dropped for one in told)}
+            'dropped': sum(one.dropped for one in samples)}
 
 
-def judged_step(screen: Screen, told: Sequence[Told], begun: float, ended: float) -> Row:
+def judged_step(screen: Screen, samples: Sequence[LinkSample], begun: float, ended: float) -> Row:
     """A row of the table of steps: of what was seen from one change of the rate to the next."""
     shown = [one for one in screen.shown if begun <= one.arrival < ended]
     ages = [age for age in map(screen.age, shown) if age is not None]
@@ -163,7 +163,7 @@ def judged_step(screen: Screen, told: Sequence[Told], begun: float, ended: float
     steady = [psnr for when, psnr in images if when > (begun + ended) / 2]
     return {'oldest [s]': max(ages, default=None), 'steady after [s]': settled_after(images, steady, begun),
             'steady mean [dB]': spread(steady)[0], 'worst [dB]': spread([psnr for _, psnr in images])[2],
-            **link_use([one for one in told if begun <= one.time < ended])}
+            **link_use([one for one in samples if begun <= one.time < ended])}
 
 
 def settled_after(images: Sequence[Tuple[float, float]], steady: Sequence[float], begun: float) -> Optional[float]:
@@ -207,8 +207,8 @@ def of_rms(error: float) -> float:
     return min(MAX_PSNR, 20 * math.log10(255 / error)) if error > 0 else MAX_PSNR
 
 
-def link_rows(told: Sequence[Told], begun: float) -> List[Row]:
+def link_rows(samples: Sequence[LinkSample], begun: float) -> List[Row]:
     """A line for each sample of the link; rates in Mbit/s, times in s."""
-    fields = sorted({name for one in told for name in one.status})
+    fields = sorted({name for one in samples for name in one.status})
     return [{'time': one.time - begun, 'true rate': one.rate, 'carried': one.carried, 'dropped': one.dropped,
-             **{name: one.status.get(name) for name in fields}} for one in told]
+             **{name: one.status.get(name) for name in fields}} for one in samples]

@@ -47,7 +47,7 @@ class LiveLink(unittest.TestCase):
     @undisturbed()
     def test_the_screen_is_sharp_steady_and_fresh(self) -> None:
         outcome = self.live.measure()
-        row = judged(outcome.screen, outcome.told, outcome.moments[0] + SETTLED, outcome.moments[-1])
+        row = judged(outcome.screen, outcome.samples, outcome.moments[0] + SETTLED, outcome.moments[-1])
         print(row, file=sys.stderr)
         self.assertGreater(row['image mean [dB]'], LEAST_MEAN)
         self.assertGreater(row['image 5 % [dB]'], LEAST_WORST)
@@ -66,8 +66,8 @@ class LiveLink(unittest.TestCase):
         errors = [abs(row['estimated PSNR [dB]'] - row['PSNR [dB]']) for row in late
                   if row['coding'] == 'layers' and row['estimated PSNR [dB]'] is not None]
         self.assertLess(statistics.median(errors) if errors else 0.0, 3.0)
-        told = [one.status['capacity'] for one in outcome.told if one.status]
-        self.assertTrue(told and any(math.isfinite(capacity) for capacity in told), told)
+        capacities = [one.status['capacity'] for one in outcome.samples if one.status]
+        self.assertTrue(capacities and any(math.isfinite(capacity) for capacity in capacities), capacities)
 
 
 if __name__ == '__main__':

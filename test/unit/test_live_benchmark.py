@@ -3,7 +3,7 @@ import pathlib
 from typing import Any
 
 import pytest
-from test_live_score import a_screen, told
+from test_live_score import a_screen, link_sample
 
 from benchmarks import live
 from benchmarks.__main__ import command_line
@@ -64,7 +64,7 @@ def test_a_cell_is_named_by_its_link() -> None:
 
 def test_tables_show_each_value_beneath_its_name_and_files_have_a_line_for_each_image(tmp_path: pathlib.Path) -> None:
     screen = a_screen(list(range(20)))
-    samples = [told(101.0, 0.9, 0.95)]
+    samples = [link_sample(101.0, 0.9, 0.95)]
     row = {'cell': 'tbf6, 1 Mbit/s, 0 %', 'method': 'ours', 'loss [%]': 0.0, **judged(screen, samples, 100.5, 101.5)}
     step = {**row, 'rate': 1.0, **judged_step(screen, samples, 100.5, 101.5)}
     results: Any = {'clip': 'euroc', 'rows': [row, {**row, 'method': 'gst', 'capacity known': None}], 'steps': [step],

@@ -9,10 +9,10 @@ from evaluation.live_clip import place
 from evaluation.live_idle import Moment, flows
 from evaluation.live_methods import by_number
 from evaluation.live_score import (
+    LinkSample,
     Screen,
     Shown,
     Taken,
-    Told,
     aged_as,
     blurred,
     image_rows,
@@ -64,18 +64,19 @@ def test_an_image_that_nobody_knows_counts_for_the_rate_and_the_screen_only() ->
     assert row['screen mean [dB]'] is not None
 
 
-def told(when: float, carried: float, capacity: float) -> Told:
-    return Told(when, 1.0, carried, 2, {'capacity': capacity})
+def link_sample(when: float, carried: float, capacity: float) -> LinkSample:
+    return LinkSample(when, 1.0, carried, 2, {'capacity': capacity})
 
 
 def test_the_capacity_is_known_within_a_tenth_and_not_where_it_is_nan() -> None:
-    row = link_use([told(1.0, 0.9, 0.91), told(2.0, 0.7, 1.09), told(3.0, 0.8, 1.2), told(4.0, 0.8, math.nan)])
+    values = (1.0, 0.9, 0.91), (2.0, 0.7, 1.09), (3.0, 0.8, 1.2), (4.0, 0.8, math.nan)
+    row = link_use([link_sample(*one) for one in values])
     assert row == {'used': pytest.approx(0.8), 'capacity known': 0.5, 'dropped': 8}
-    assert link_use([Told(1.0, 1.0, 0.5, 0, {})])['capacity known'] is None
+    assert link_use([LinkSample(1.0, 1.0, 0.5, 0, {})])['capacity known'] is None
 
 
 def test_the_link_is_to_be_used_while_images_are_blurred_or_missing() -> None:
-    samples = [told(100.0 + second, 0.5 + 0.1 * second, 1.0) for second in range(4)]
+    samples = [link_sample(100.0 + second, 0.5 + 0.1 * second, 1.0) for second in range(4)]
     sharp = a_screen(list(range(20)))
     sharp.quality = lambda number, place: 45.0 if number < 10 else 38.0
     assert [one.time for one in blurred(sharp, samples)] == [102.0, 103.0]      # and nothing after 102 s
