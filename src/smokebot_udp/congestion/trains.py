@@ -210,7 +210,7 @@ class ProbeController:
 
         :param sure: whether nothing but a shaper can delay it
         """
-        if depth <= DURATION * capacity:
+        if not _is_deep(depth, capacity):
             gain = NEXT_GAIN if self._succeeded else FIRST_GAIN
             beyond = max(DURATION, FIRST_GAIN * BEYOND_NOISE * seen.noise) * capacity
             size = max(MIN_PACKETS * seen.newest.size, beyond + EXCESS * depth * gain)
@@ -241,11 +241,15 @@ class ProbeController:
         if self._succeeded:
             self._interval = RETRY_INTERVAL
         else:
-            deep = depth > DURATION * capacity
-            cleared = self._last.beside > 0 and not self._queued if deep else empty
+            cleared = self._last.beside > 0 and not self._queued if _is_deep(depth, capacity) else empty
             waits = CLEAR_RETRY_INTERVAL if cleared else RETRY_INTERVAL + REFILL_INTERVALS * depth / capacity
             self._next = seen.now + waits
             self._wished = seen.now + self._interval
             if complete:
                 self._interval = min(2 * self._interval, MAX_RETRY_INTERVAL)
         return True
+
+
+def _is_deep(depth: float, capacity: float) -> bool:
+    """Whether a shaper lets pass at once what a train has beyond the tokens [byte, byte/s]."""
+    return depth > DURATION * capacity

@@ -166,7 +166,7 @@ def _log_errors(errors: FloatArray, moved: float, parts: FloatArray) -> FloatArr
 
     :param errors: mean squared errors of images [count^2]
     :param moved: what they grow by within a period [count^2]
-    :param parts: of the period, until an image is shown: so long the one before is
+    :param parts: fractions of the period that pass until an image is shown; until then the screen shows the last one
     """
     found: FloatArray = (1 - parts) * np.log(errors) + parts * np.log(errors + moved)
     return np.where(parts < 1, found, math.inf)
