@@ -186,6 +186,11 @@ class PacketScheduler:
         """The work of a stream that is being sent; None: nothing."""
         return self._flow(stream).work
 
+    def unsent(self, stream: str) -> bool:
+        """Whether a message of a stream waits of which nothing has left."""
+        flow = self._flow(stream)
+        return bool(flow.parts) and not flow.part and not flow.at
+
     def takes(self, stream: str) -> float:
         """How long it takes until the message of a stream has left, if nothing else comes, at the present rate [s]."""
         flow = self._flow(stream)

@@ -104,6 +104,11 @@ class Outbox:
         with self._changed:
             return self._scheduler.sending(stream) is not None
 
+    def unsent(self, stream: str) -> bool:
+        """Whether a message of a stream waits of which nothing has left."""
+        with self._changed:
+            return self._scheduler.unsent(stream)
+
     def takes(self, stream: str) -> float:
         """How long it takes until what is left of a stream's message has left [s]."""
         with self._changed:

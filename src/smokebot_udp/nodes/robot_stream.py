@@ -211,7 +211,7 @@ class RobotStream(rospy.SubscribeListener):
     @property
     def _view(self) -> LinkView:
         """The link as the encoder sees it now."""
-        return LinkView(self._datagram_size, self.link.transport.room, self.outlook, 0.0, self._source_rate,
+        return LinkView(self._datagram_size, self.link.transport.room, self.outlook, 0.0, False, self._source_rate,
                         self._loss, self.link.afford, self._complete, self._subscribers_of, self._why_not)
 
     def follow(self, loss: float, outlook: Callable[[], Outlook]) -> None:
@@ -410,7 +410,9 @@ class RobotStream(rospy.SubscribeListener):
         """What is to be sent of a message; its making is traced."""
         encoder, link = self.encoder, self._view
         if encoder.traits.foresees:
-            link = link._replace(waiting=self.link.outbox.takes(self.name) / self._dip)
+            outbox = self.link.outbox
+            link = link._replace(waiting=outbox.takes(self.name) / self._dip,
+                                 unsent=self.REPLACES and not self._is_mixed and outbox.unsent(self.name))
         began = time.monotonic()
         encoded = encoder.encode(message, settings, link)
         self._busy += time.monotonic() - began
@@ -429,11 +431,17 @@ class RobotStream(rospy.SubscribeListener):
 
     def _await_rest(self) -> None:
         """Wait until a new message may take the place of what is left of the one before: part of that has left while
-        the new one was encoded. A message of another source is none of its versions, and leaves as a whole."""
-        whole = self._schedule.active(time.monotonic()) > 1
+        the new one was encoded."""
+        whole = self._is_mixed
         if whole or self.REPLACES:
             backlog = MAX_BACKLOG if self._encoded.backlog is None else self._encoded.backlog
             self.link.outbox.await_rest(self.name, whole, self._dip * backlog)
+
+    @property
+    def _is_mixed(self) -> bool:
+        """Whether it has several sources: a message of another one is no newer version, so that each leaves as a whole.
+        """
+        return self._schedule.active(time.monotonic()) > 1
 
     def drop_rest(self) -> None:
         """The link carries less from now on: what is left of a message would delay the newer one that replaces it."""

@@ -50,7 +50,7 @@ class Traits:
     reencodes: bool = False
     """Whether the last message is encoded again when settings change; `encode` returns no frames where nothing does."""
     foresees: bool = False
-    """Whether `outlook` and `waiting` of LinkView are used: they cost some computing for each report."""
+    """Whether `outlook`, `waiting` and `unsent` of LinkView are used: they cost some computing for each report."""
     queue_size: int = MAX_SOURCES
     """Queue size of the subscription. Where messages of several sources come together, all of them are to be seen."""
     traffic: int = traffic.SENSORS
@@ -67,6 +67,8 @@ class LinkView(NamedTuple):
     """What to expect of the link."""
     waiting: float = 0.0
     """How long what is left of the last message takes to leave at what the stream may use [s]."""
+    unsent: bool = False
+    """Whether nothing of the last message has left yet, and the next one may take its place."""
     source_rate: Optional[float] = None
     """Rate of the source as measured, however many of its messages are encoded; None: it is not known [Hz]."""
     loss: float = 0.0

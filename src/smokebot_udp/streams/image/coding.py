@@ -29,8 +29,6 @@ class Coding:
     """A way of coding images. `encode` is called by one thread, `operating_points` by any."""
     CODING: ClassVar[str] = ''
     """As the setting names it."""
-    BACKLOG: ClassVar[Optional[float]] = None
-    """As Encoded.backlog [s]."""
     coding_time = 0.0
     """Expected for the next image [s]."""
 
@@ -42,6 +40,10 @@ class Coding:
         """
         raise NotImplementedError
 
+    def backlog(self, link: LinkView) -> Optional[float]:
+        """As Encoded.backlog [s]."""
+        return None
+
     def operating_points(self, rate: float, settings: Settings) -> List[OperatingPoint]:
         """As Encoder.operating_points."""
         raise NotImplementedError
@@ -49,11 +51,12 @@ class Coding:
 
 class CompressedImages(Coding):
     """What an image takes on the air. A way of coding derives from it, and notes the sizes."""
-    BACKLOG = LATEST    # without its rest much of an image is lost that has come
-
     def __init__(self) -> None:
         self._size: Optional[float] = None  # of a complete image on the air [byte]
         self._fair_size = 0.0               # of a fair image on the air [byte]
+
+    def backlog(self, link: LinkView) -> Optional[float]:
+        return LATEST       # without its rest much of an image is lost that has come
 
     def _note_size(self, size: float) -> None:
         """Note what a complete image takes on the air [byte]."""

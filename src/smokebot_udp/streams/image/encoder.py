@@ -150,7 +150,7 @@ class ImageEncoder(Encoder[Any]):
         beside = [] if self._infos is None else self._info(self._infos, source, settings['scale'], link)
         size = size_on_air(coded.frames)
         self.message_size = size or self.message_size
-        return Encoded(coded.frames, beside, coded.base, used.BACKLOG, self._size_wished / AT_ONCE,
+        return Encoded(coded.frames, beside, coded.base, used.backlog(link), self._size_wished / AT_ONCE,
                        Sizing(used.CODING, granted.size, size, coded.bound.value, coded.error))
 
     def _info(self, infos: InfoSender, source: SourceImage, scale: int, link: LinkView) -> List[Frame]:
@@ -255,7 +255,7 @@ class ImageEncoder(Encoder[Any]):
 def _grant(coding: Coding, settings: Settings, link: LinkView) -> Grant:
     """What a compressed image may take on the air."""
     rest = max(link.waiting - coding.coding_time, 0.0)      # what is left once this image is coded
-    awaited = rest if rest <= (coding.BACKLOG or 0.0) else 0.0      # what takes longer is not awaited
+    awaited = rest if rest <= (coding.backlog(link) or 0.0) else 0.0    # what takes longer is not awaited
     return grant(settings, link.outlook.room * link.outlook.gain(), period_of(link.frame_rate(settings)), awaited)
 
 

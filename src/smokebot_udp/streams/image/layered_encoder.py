@@ -80,7 +80,12 @@ class LayeredImages(CompressedImages):
         self._shape: Tuple[Any, ...] = ()           # what it depends on
         self._motion, self._repeats = MotionMeter(), Repeats()
 
+    def backlog(self, link: LinkView) -> Optional[float]:
+        return 0.0 if link.unsent else super().backlog(link)
+
     def encode(self, message: Any, settings: Settings, link: LinkView, granted: Grant, began: float) -> Coded:
+        if link.unsent:
+            self._predictor.withdraw()
         job = self._job(message, settings, link, granted, began)
         found = self._compressed(job, settings)
         chosen = self._chosen(job, found)

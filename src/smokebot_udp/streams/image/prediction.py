@@ -278,6 +278,11 @@ class Predictor:
         self.number += 1
         self._held.sent(names, prediction is not None, now)
 
+    def withdraw(self) -> None:
+        """The next image takes the place of the last one, which has not left, and is not predicted from it."""
+        if self.number - 1 in self._sent:
+            self._sent[self.number - 1].chances.clear()
+
     def _distance(self, number: int, layers: int, stamp: float, growth: float) -> float:
         """The mean squared difference of a reference from the scene, about [count^2]."""
         sent = self._sent[number]
