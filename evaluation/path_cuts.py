@@ -33,6 +33,7 @@ from .started import Started
 ADDRESSES = ROBOT, '%s:%d' % (SECOND['robot'], PORT)
 TOPICS = {'/operator/thermal/image_raw': 'image', '/operator/camera/image_raw': 'image', '/operator/odom': 'odometry'}
 COMMAND, RATE = '/cmd_vel', 20
+GAP, AGE = 'gap', 'age'
 TWIST = '[0.2, 0, 0]', '[0, 0, 0]'
 SETTLED = 8.0
 """Until the rate fits the link [s]."""
@@ -149,6 +150,36 @@ def oldest(heard: Sequence[Heard]) -> float:
     return max((later.arrival - one.arrival + one.age for one, later in zip(heard, heard[1:])), default=float('inf'))
 
 
+def cut_again(cuts: int, seconds: float, loss: float = 0.0, one: bool = False, by_hand: bool = False) -> Dict[str, Any]:
+    """Cut the first link at random moments.
+
+    :param seconds: how long, each time
+    :param loss: of both links
+    :param one: whether the desk has the first address only
+    :param by_hand: likewise, and an operator switches to the other one
+    :return: {'gap', 'age': {topic: of each cut [s]}, 'idle', 'driven': what the second link carries while the first one
+        is good, without and with commands [byte/s]}
+    """
+    moments, found = random.Random(1), {name: {topic: [] for topic in (*TOPICS, COMMAND)} for name in (GAP, AGE)
+                                        }   # type: Any, Dict[str, Dict[str, List[float]]]
+    with PathCuts(ADDRESSES[:1] if one or by_hand else ADDRESSES, loss, by_hand=by_hand) as run:
+        time.sleep(SETTLED)
+        idle = run.idle_rate(5.0)
+        run.drive()
+        driven = run.idle_rate(5.0)
+        for _ in range(cuts):
+            time.sleep(SETTLED + moments.random())
+            for topic, heard in run.cut(seconds).items():
+                found[GAP][topic].append(longest_gap(heard))
+                found[AGE][topic].append(oldest(heard))
+    return {**found, 'idle': idle, 'driven': driven}
+
+
+def spread(values: Sequence[float]) -> List[float]:
+    """Median, 95th percentile and most, rounded [s]."""
+    return [round(float(np.percentile(values, part)), 2) for part in (50, 95, 100)]
+
+
 def main() -> None:
     parser = argparse.ArgumentParser(description="Cuts one of a robot's two addresses.")
     parser.add_argument('--cuts', type=int, default=50)
@@ -157,22 +188,10 @@ def main() -> None:
     given = parser.add_mutually_exclusive_group()
     given.add_argument('--one', action='store_true', help='with the first address only')
     given.add_argument('--by-hand', action='store_true', help='an operator switches between the addresses')
-    arguments = parser.parse_args()
-    moments, found = random.Random(1), {topic: [] for topic in (*TOPICS, COMMAND)}     # type: Any, Dict[str, List[Any]]
-    addresses = ADDRESSES[:1] if arguments.one or arguments.by_hand else ADDRESSES
-    with PathCuts(addresses, arguments.loss, by_hand=arguments.by_hand) as run:
-        time.sleep(SETTLED)
-        idle = run.idle_rate(5.0)
-        run.drive()
-        driven = run.idle_rate(5.0)
-        for _ in range(arguments.cuts):
-            time.sleep(SETTLED + moments.random())
-            for topic, heard in run.cut(arguments.seconds).items():
-                found[topic].append((longest_gap(heard), oldest(heard)))
-    rows = {topic: {name: [round(float(np.percentile(column, part)), 2) for part in (50, 95, 100)]
-                    for name, column in zip(('gap', 'age'), zip(*values))} for topic, values in found.items()}
-    print(json.dumps({'p50, p95, most [s]': rows, 'idle [byte/s]': round(idle),
-                      'idle while commands come [byte/s]': round(driven), 'load': os.getloadavg()[0]}))
+    found = cut_again(**vars(parser.parse_args()))
+    rows = {topic: {name: spread(found[name][topic]) for name in (GAP, AGE)} for topic in (*TOPICS, COMMAND)}
+    print(json.dumps({'p50, p95, most [s]': rows, 'idle [byte/s]': round(found['idle']),
+                      'idle while commands come [byte/s]': round(found['driven']), 'load': os.getloadavg()[0]}))
 
 
 if __name__ == '__main__':

@@ -40,6 +40,7 @@ EXPERIMENTS = {
     'adaptation': Experiment('link', 14, in_quick_run=False),
     'hard_links': Experiment('link', 3.6),
     'narrow_link': Experiment('link', 26, only_by_name=True),
+    'two_paths': Experiment('link', 28, only_by_name=True),
     'link_cut': Experiment('link', 5),
     'start_up': Experiment('link', 4),
     'own_masters': Experiment('link', 30, only_by_name=True),

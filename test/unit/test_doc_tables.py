@@ -2,13 +2,14 @@
 """The tables of doc/ that are made from the results of the experiments."""
 import json
 import pathlib
-from typing import Any, Dict
+from typing import Any, Dict, Sequence
 
 import pytest
 
 for library in ('cv2', 'markdown', 'matplotlib', 'skimage', 'tqdm'):
     pytest.importorskip(library)
 
+from evaluation.path_cuts import COMMAND, TOPICS  # noqa: E402
 from experiments import doc_tables, runner, table  # noqa: E402
 from experiments.catalogue import load  # noqa: E402
 from experiments.runner import Table  # noqa: E402
@@ -260,6 +261,32 @@ def test_a_narrow_link(tmp_path: pathlib.Path) -> None:
         assert row[:4] == ['0.3', '5', shown, 'nothing'] and set(row[4:]) == {''}
     assert made('narrow_link', 'link', tmp_path).rows == [['0.3', '5', '10.0', '0.95', '0.96', None]]
     assert made('narrow_link', 'steps', tmp_path).rows == [['this package', '3', '0.10', None, '42.6', '40.0']]
+
+
+def test_two_paths(tmp_path: pathlib.Path) -> None:
+    def row(case: str, screen: float, used: Sequence[float], age: float = 0.1) -> Dict[str, Any]:
+        return {'case': case, 'screen mean [dB]': screen, 'screen 5 % [dB]': 31.0, 'image mean [dB]': 42.5,
+                'screen apart from swaps [dB]': screen + 1, 'age p50 [s]': 0.08, 'age p95 [s]': age,
+                'freeze [s]': 0.15, 'used': used, 'CPU': 0.3}
+    cut = {'gap': {topic: [0.1, 0.2] for topic in (*TOPICS, COMMAND)}, 'age': {topic: [0.3, 0.5] for topic in TOPICS}}
+    (tmp_path / 'results.json').write_text(json.dumps({
+        'rows': [row('0 %: both', 39.5, [0.9, 0.4]), row('0 %: the first', 39.4, [0.9]),
+                 row('0 %: one of 2.7 Mbit/s', 39.9, [0.5]),
+                 *(row('bursts, far: ' + name, screen, [0.5], age) for name, screen, age in (
+                     ('both', 37.6, 0.24), ('the first', 36.2, 0.19), ('the second', 37.7, 0.29))),
+                 row('swapped: both', 39.0, [0.1]), row('steady: both', 41.6, [0.1])],
+        'cuts': {'two addresses': cut}, 'metered': 300.0}))
+    assert made('two_paths', 'links', tmp_path).rows[0] == [
+        '0 %: both', '39.5, 31.0', '42.5', '80, 100', '0.15', '0.90, 0.40', '0.30']
+    assert made('two_paths', 'cuts', tmp_path).rows[0] == [
+        'two addresses', '/operator/thermal/image_raw', 2, '0.15, 0.20, 0.20', '0.40, 0.49, 0.50']
+    goals = {name: (value, met) for name, _, value, met in made('two_paths', 'goals', tmp_path).rows}
+    assert [name for name, (_, met) in goals.items() if met != 'yes'] == [
+        'used of each', 'bursts, far: screen beside the better one', 'bursts, far: age p95 beside the younger one',
+        'swapped, but for 0.5 s after each swap, beside steady', 'cuts: age of /operator/thermal/image_raw at most',
+        'cuts: age of /operator/camera/image_raw at most', 'cuts: gap of commands at most']
+    assert goals['screen beside one of 2.7 Mbit/s, 0 % lost'] == ('39.5 dB', 'yes')
+    assert len(load('two_paths').missed(tmp_path)) == 7
 
 
 def test_video(tmp_path: pathlib.Path) -> None:

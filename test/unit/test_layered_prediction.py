@@ -135,6 +135,15 @@ def test_an_image_that_is_lost_while_nothing_moves_costs_those_that_are_on_their
     assert any(on_its_way(link, delay)[14:])
 
 
+def test_an_image_that_has_not_left_when_the_next_one_is_made_is_not_its_reference() -> None:
+    link, shown = PredictedLink(delay=2, max_bytes=1200), []
+    for step in range(16):
+        link.encoder.see(unsent=step == 11)     # 10 never leaves
+        shown.append(link.send(moving(0), 'mono16', nothing if step == 10 else everything)['/operator'] is not None)
+    assert [step for step, seen in enumerate(shown) if not seen] == [10]
+    assert on_its_way(link, 2)[12]
+
+
 def test_a_report_that_is_lost_while_nothing_moves_costs_no_image() -> None:
     link = PredictedLink(delay=1, max_bytes=1500)
     for step in range(16):

@@ -242,6 +242,17 @@ def test_how_long_the_backlog_takes() -> None:
     assert scheduler.takes('a') == 0
 
 
+def test_whether_anything_of_a_message_has_left() -> None:
+    scheduler = PacketScheduler(rate=1000)
+    assert not scheduler.unsent('a')
+    scheduler.put('a', None, [(1, 100), (1, 100)])
+    assert scheduler.unsent('a') and not scheduler.unsent('b')
+    assert scheduler.take(0.0) and not scheduler.unsent('a')
+    scheduler.put('a', None, [(1, 100)])
+    assert scheduler.unsent('a')
+    assert scheduler.take(1.0) and not scheduler.unsent('a')
+
+
 def test_a_datagram_larger_than_the_burst() -> None:
     scheduler = PacketScheduler(rate=1000, burst=10)
     scheduler.put('a', None, [(2, 100)])

@@ -1,5 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The runner of the robot's streams: what is encoded, sent, counted and reported."""
+import dataclasses
 import pathlib
 import threading
 import time
@@ -234,6 +235,23 @@ def test_a_newer_message_waits_for_the_rest_as_the_encoder_says(make: Make, monk
     made.stream.receive(scan(5))
     wait_for(lambda: made.segments.published == [5])
     assert asked == [('scan', False, waits)]
+
+
+def test_an_encoder_that_foresees_knows_that_nothing_of_the_last_message_has_left(make: Make) -> None:
+    class Foreseeing(Recorder):
+        traits = dataclasses.replace(Recorder.traits, foresees=True)
+
+        def encode(self, message: Any, settings: Settings, link: LinkView) -> Encoded:
+            return super().encode(message, settings, link)._replace(backlog=0.0)
+
+    made, unsent = make(Foreseeing), []
+    made.link.outbox.change(lambda scheduler: scheduler.set_rate(1.0, time.monotonic()))
+    for number in (1, 2, 3):    # a burst lets the first one go; the last one takes the place of the second
+        made.stream.receive(scan(number))
+        wait_for(lambda number=number: made.stream.sent == number)
+        unsent.append(made.stream.encoder.seen.unsent)
+        wait_for(lambda: made.segments.published == [1])
+    assert unsent == [False, False, True] and made.stream.stats().dropped['datagrams of replaced messages'] == 1
 
 
 def test_a_stream_that_is_turned_off_stops_in_the_middle(make: Make) -> None:

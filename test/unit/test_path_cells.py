@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: BSD-3-Clause
+import pathlib
 from typing import Any, List
 
 import pytest
 
-from benchmarks import paths
-from benchmarks.paths import CASES, FIRST, SECOND, TBF
+from evaluation import path_cells
+from evaluation.path_cells import CASES, FIRST, SECOND, TBF
 
 
 def test_cases_have_names_of_their_own() -> None:
@@ -25,10 +26,11 @@ def test_multipath_tcp_has_both_links_and_is_lost_only_by_the_link_lab() -> None
     assert not any(link['loss'] for case in cases if case.shaper for link in case.links)
 
 
-def test_a_case_that_cannot_run_says_so_in_a_line_and_is_left_out(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_case_that_cannot_run_says_so_in_a_line_and_is_left_out(monkeypatch: pytest.MonkeyPatch,
+                                                                         tmp_path: pathlib.Path) -> None:
     def refuse(case: Any, seed: int) -> Any:
         raise RuntimeError('the kernel has no multipath TCP')
-    monkeypatch.setattr(paths, 'links_of', refuse)
+    monkeypatch.setattr(path_cells, 'links_of', refuse)
     said: List[str] = []
-    assert list(paths.measured(CASES[0], 1.0, 0, said.append)) == []
+    assert list(path_cells.measured(CASES[0], 1.0, 0, said.append, tmp_path)) == []
     assert said == ['0 %: both: the kernel has no multipath TCP']
