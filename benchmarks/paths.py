@@ -4,6 +4,7 @@
 doc/experiments.md, "Two links to one robot at once", has results.
 """
 import argparse
+import itertools
 from typing import Any, Dict, List, Mapping, Sequence
 
 from evaluation import TOP
@@ -27,13 +28,12 @@ def run(log: Log, quick: bool = False, arguments: Sequence[str] = ()) -> Dict[st
     chosen = options(arguments)
     RESULTS.mkdir(parents=True, exist_ok=True)
     seconds = min(chosen.seconds, 10.0) if quick else chosen.seconds
+    cases = [case for case in CASES if chosen.cases in case.name]
     rows: List[Row] = []
-    for number in range(chosen.runs):
-        for case in CASES:
-            if chosen.cases in case.name:
-                for row in measured(case, seconds, number, log, RESULTS):
-                    log(line(row))
-                    rows.append(row)
+    for number, case in itertools.product(range(chosen.runs), cases):
+        for row in measured(case, seconds, number, log, RESULTS):
+            log(line(row))
+            rows.append(row)
     return {'clip': Clip().name, 'rows': rows}
 
 

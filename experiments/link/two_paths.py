@@ -118,7 +118,7 @@ DOC_TABLES = {'links': links_table, 'cuts': cuts_table, 'goals': goals_table}
 
 
 def checked(folder: pathlib.Path) -> List[Checked]:
-    """The goals of which all that they need was measured."""
+    """The goals. One is left out if a row that it needs was not measured."""
     found = load(folder)
     rows: Dict[str, Dict[str, Any]] = {row['case']: row for row in found['rows']}
     cuts, goals = found['cuts'][NODES], []      # type: Any, List[Checked]

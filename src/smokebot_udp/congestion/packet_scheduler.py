@@ -187,7 +187,7 @@ class PacketScheduler:
         return self._flow(stream).work
 
     def unsent(self, stream: str) -> bool:
-        """Whether a message of a stream waits of which nothing has left."""
+        """Whether a stream's message waits, and no datagram of it has left."""
         flow = self._flow(stream)
         return bool(flow.parts) and not flow.part and not flow.at
 

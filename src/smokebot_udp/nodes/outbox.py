@@ -105,7 +105,7 @@ class Outbox:
             return self._scheduler.sending(stream) is not None
 
     def unsent(self, stream: str) -> bool:
-        """Whether a message of a stream waits of which nothing has left."""
+        """Whether a stream's message waits, and no datagram of it has left."""
         with self._changed:
             return self._scheduler.unsent(stream)
 

@@ -211,8 +211,9 @@ class RobotStream(rospy.SubscribeListener):
     @property
     def _view(self) -> LinkView:
         """The link as the encoder sees it now."""
-        return LinkView(self._datagram_size, self.link.transport.room, self.outlook, 0.0, False, self._source_rate,
-                        self._loss, self.link.afford, self._complete, self._subscribers_of, self._why_not)
+        return LinkView(self._datagram_size, self.link.transport.room, self.outlook, source_rate=self._source_rate,
+                        loss=self._loss, afford=self.link.afford, heard=self._complete,
+                        operators=self._subscribers_of, why_not=self._why_not)
 
     def follow(self, loss: float, outlook: Callable[[], Outlook]) -> None:
         """The link has changed.

@@ -68,7 +68,7 @@ class LinkView(NamedTuple):
     waiting: float = 0.0
     """How long what is left of the last message takes to leave at what the stream may use [s]."""
     unsent: bool = False
-    """Whether nothing of the last message has left yet, and the next one may take its place."""
+    """Whether no datagram of the last message has left, and the next one may take its place."""
     source_rate: Optional[float] = None
     """Rate of the source as measured, however many of its messages are encoded; None: it is not known [Hz]."""
     loss: float = 0.0
