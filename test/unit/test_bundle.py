@@ -7,7 +7,7 @@ from typing import Any, Dict, List, Sequence
 import pytest
 from controlled_robot import LIMITS, SIZE, Receiver, image
 
-from smokebot_udp.congestion.bundle import LATE, MAX_LEAD, SILENCE, Bundle
+from smokebot_udp.congestion.bundle import ASK, LATE, MAX_LEAD, SILENCE, Bundle
 from smokebot_udp.congestion.controller import Controller
 from smokebot_udp.congestion.sent_history import SentHistory
 from smokebot_udp.paths import STRAIGHT, PathPolicy, PathUse
@@ -159,6 +159,30 @@ def test_what_a_slow_path_cannot_carry_in_time_is_no_capacity() -> None:
         robot.drive(8.0)
     capacities = [robot.controller.stats(robot.now).capacity for robot in (near, far)]
     assert capacities == [pytest.approx(4 * MBIT, rel=0.12), pytest.approx(3 * MBIT, rel=0.12)]
+
+
+def test_a_late_path_carries_all_where_the_early_one_carries_far_less_until_it_carries_more_again() -> None:
+    robot = TwoPaths(2 * MBIT, 1 * MBIT, delays=(0.02, 0.2))
+    robot.drive(8.0)
+    assert robot.drive(1.0)[1] == 0     # a part that comes 0.18 s later than the others is of no use
+    robot.links[0].rate, robot.lost[0] = 0.1 * MBIT, 0.5
+    robot.drive(8.0)
+    early, late = robot.drive(4.0)
+    assert late * SIZE / 4 > 0.8 * MBIT and 4 / ASK - 1 <= early < 0.05 * late
+    state = robot.controller.stats(robot.now)
+    assert state.capacity == pytest.approx(MBIT, rel=0.1) and state.loss == 0.0
+    robot.links[0].rate = 2 * MBIT
+    del robot.lost[0]
+    robot.drive(4.0)
+    early, late = robot.drive(1.0)
+    assert early * SIZE > 1.6 * MBIT and late == 0
+
+
+def test_the_early_path_is_used_beside_what_the_late_one_carries_in_time() -> None:
+    """20 ms later: a part of the late one is used, so that both are better than each."""
+    robot = TwoPaths(0.3 * MBIT, 2 * MBIT, delays=(0.02, 0.04))
+    robot.drive(8.0)
+    assert min(robot.drive(2.0)) > 0
 
 
 def test_a_path_without_reports_is_no_better_than_it_begins() -> None:

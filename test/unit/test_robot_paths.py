@@ -10,6 +10,7 @@ from hypothesis import strategies as st
 from smokebot_udp.link.place import Place
 from smokebot_udp.link.robot_paths import (
     IDLE_PROBE,
+    MAX_SILENCE,
     PROBE,
     SHARED_FOR,
     SILENCE,
@@ -110,6 +111,19 @@ def test_a_preferred_path_is_used_again_after_a_while_and_no_other_one() -> None
     assert not world.changes
 
 
+def test_a_path_that_pauses_is_used_again_at_once_and_waited_for_longer_then() -> None:
+    pauses = [(A, float(second), second + 0.25) for second in range(2, 9)]
+    world = World(never, cut(*pauses))
+    world.run(0.0, 9.0)
+    (left, first), (back, second) = world.changes
+    assert (first, second) == (B, A) and left == pytest.approx(2.0 + SILENCE, abs=0.06)
+    assert back == pytest.approx(2.25, abs=PROBE + 0.05)
+    world = World(never, cut((A, 2.0, 2.25), (A, 3.0, 9.0)))
+    world.run(0.0, 9.0)
+    assert [place for _, place in world.changes] == [B, A, B]
+    assert 3.0 + 2 * SILENCE < world.changes[-1][0] < 3.0 + MAX_SILENCE + 0.1
+
+
 def test_a_preferred_path_of_high_loss_is_not_used_again() -> None:
     random = Random(1)
     world = World(lambda place, now: place == A and random.random() < 0.7, never, (A, B), B)
@@ -132,8 +146,8 @@ def test_whatever_is_lost_changes_are_apart_and_what_is_due_is_known(seed: int, 
     random, places = Random(seed), [Place(number, 1) for number in range(count)]
     world = World(lambda place, now: random.random() < up, lambda place, now: random.random() < down, places, places[0])
     world.run(0.0, 20.0)
-    times = [0.0] + [when for when, _ in world.changes]
-    assert all(later - earlier >= SILENCE - STEP for earlier, later in zip(times, times[1:]))
+    times = [0.0] + [when for when, _ in world.changes]     # those that were no return after a pause are apart
+    assert all(later - earlier >= SILENCE - STEP for earlier, later in zip(times, times[count:]))
     assert world.paths.used in places
     for path in world.paths.due(20.0):
         path.ask(bytes(8), 20.0)

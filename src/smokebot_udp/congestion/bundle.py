@@ -12,6 +12,8 @@
 * A packet train goes by the path that it is to measure.
 * A path whose bytes cost is used beside another one only while that one does not carry the cheapest images, and for no
   more than these take.
+* Where nothing of a late path arrives in time, all goes by the early one; or by the late one if that carries far more,
+  loss taken off.
 * While a first path is quiet, all goes by the second one.
 """
 import math
@@ -22,6 +24,7 @@ from ..monitoring.stats import PathRates
 from ..monitoring.windows import Rate
 from ..newest import Newest
 from ..paths import PathPolicy, PathUse
+from ..silence import Silence
 from .estimator import Estimator, Limits, Link
 from .feedback import Feedback, FeedbackReader
 from .sent_history import SentHistory
@@ -36,14 +39,24 @@ SENT_WINDOW = 1.0
 MAX_LEAD = 0.02
 """What a path could have sent meanwhile counts for its share, as far as it takes this long [s]."""
 
-SILENCE = 0.35
+SILENCE, MAX_SILENCE = 0.35, 1.0
 """A second path carries nothing after this time in which neither a probe came from it nor anything that was sent by it
-was reported. Both come each 0.1 s: at 20 % loss three in a row are lost once in 13 s, six never [s]."""
+was reported. Both come each 0.1 s: at 20 % loss three in a row are lost once in 13 s, six never. It is longer where the
+path pauses, or the first one, which carries the reports, takes long: see Silence [s]."""
 
 LATE = 0.05
 """A path that delivers a datagram later than the other one by this time adds no capacity, by half of this time half of
 its own. With 0.1 s images over 0.4 and 0.2 Mbit/s are 0.1 dB sharper and 29 ms older, and the screen is 0.3 dB worse
 (`bench paths`) [s]."""
+
+WORTH = 0.5
+"""The early one of two paths is left for the late one where it carries less than this part of it, loss taken off, and
+is used again when it carries as much. The screen is the same by 2 Mbit/s of which 60 % are lost and by 1 Mbit/s that
+takes 150 ms (`experiments two_paths`) [1]."""
+
+ASK, LOSSY = 1.0, 0.1
+"""So often something goes by an early path that is left, so that reports say what it carries now; trains only measure
+it where it loses less than this part [s, 1]."""
 
 FELL = 0.8
 """A path is missed where the others carry less than this part of what all did."""
@@ -65,6 +78,7 @@ class _Estimate:
         self.estimator = Estimator(now, limits)
         self.total: Optional[int] = None
         """Bytes sent until it was left, as its estimator has counted them; None: it was never used."""
+        self.silence = Silence(SILENCE, MAX_SILENCE, -math.inf)
 
 
 class _Path:
@@ -79,8 +93,6 @@ class _Path:
         """What was sent earlier says nothing about it; -inf: all says something [s]."""
         self.policy = PathPolicy()
         """How it may be used; of a path that costs, with the maximum rate that holds now."""
-        self.heard = since
-        """When it was known to be alive [s]."""
         self.busy = -math.inf
         """Until when what it was given takes at its rate [s]."""
         self._sent = Rate(SENT_WINDOW)
@@ -117,7 +129,7 @@ class _Path:
             return None
         samples = [sample._replace(total=sample.total + self._shift) for sample in feedback.samples]
         if samples:
-            self.heard = max(self.heard, samples[-1].sent)
+            self.known.silence.hear(samples[-1].sent, now)
         if self.since == -math.inf:
             return feedback._replace(samples=samples)
         samples = [sample for sample in samples if sample.sent >= self.since]
@@ -159,6 +171,8 @@ class Bundle:
         self.base = 0.0
         """What the cheapest images of all streams take, and what is protected [byte/s]."""
         self._avoids_first = False      # as it is quiet
+        self._alone: Optional[int] = 0  # index of the path that carries all; None: both carry something
+        self._asked = -math.inf         # when something went by the path that is left
         self.only = ''
         """The path by which it is reached, where there were two: its interface, or the operator's host there."""
 
@@ -170,7 +184,7 @@ class Bundle:
         :return: whether they carry far less than those before
         """
         before = self.capacity
-        alone = len(used) == 1 or used[1].silence >= SILENCE
+        alone = len(used) == 1 or self._silence_of(used[1], now).is_cut(now)
         self._has_two |= not alone
         self.only = used[0].name if self._has_two and alone else ''
         used = [used[0], *(one for one in used[1:2] if self._is_useful(one, used[0], now))]
@@ -186,7 +200,7 @@ class Bundle:
             self._paths[1:] = [self._path(one.key, FeedbackReader(self._history), now) for one in used[1:]]
             self._train_left = 0.0
         for path, one in zip(self._paths, used):
-            path.heard, path.name, path.policy = max(path.heard, now - one.silence), one.name, one.policy
+            path.name, path.policy = one.name, one.policy
             if one.policy.metered and len(used) > 1 and not used[0].is_quiet:
                 needed = self.base if self._lacks(used[0] if path is self._paths[1] else used[1]) else TRICKLE
                 path.policy = one.policy._replace(max_rate=min(one.policy.max_rate, needed))
@@ -194,12 +208,13 @@ class Bundle:
             for path in self._paths:
                 path.reader.is_shared = True
         self._avoids_first = used[0].is_quiet and len(self._paths) > 1
+        self._alone = self._find_alone()
         return self.capacity < FELL * before
 
     @property
     def _carrying(self) -> List[_Path]:
         """The paths by which something is sent now."""
-        return self._paths[1:] if self._avoids_first else self._paths
+        return self._paths if self._alone is None else [self._paths[self._alone]]
 
     def _lacks(self, use: PathUse) -> bool:
         """Whether a path does not carry the cheapest images."""
@@ -213,11 +228,20 @@ class Bundle:
         needed = first.policy.metered or first.is_quiet or self._lacks(first)
         if second.policy.metered and not needed:
             return False
-        heard = max((path.heard for path in self._paths[1:] if path.key == second.key), default=-math.inf)
-        return min(second.silence, now - heard) < SILENCE
+        return not self._silence_of(second, now).is_cut(now)
+
+    def _silence_of(self, use: PathUse, now: float) -> Silence:
+        """That of a path, from which probes may have come."""
+        silence = self._estimate_of(use.key, now).silence
+        if now - use.silence > silence.heard:
+            silence.hear(now - use.silence, now)
+        return silence
+
+    def _estimate_of(self, key: Any, now: float) -> _Estimate:
+        return self._known.of(key, lambda: _Estimate(now, self._limits))
 
     def _path(self, key: Any, reader: FeedbackReader, now: float) -> _Path:
-        return _Path(key, reader, self._known.of(key, lambda: _Estimate(now, self._limits)), now)
+        return _Path(key, reader, self._estimate_of(key, now), now)
 
     def choose(self, size: int, waiting: float, now: float) -> Tuple[int, float]:
         """(index of the path by which some bytes leave now, what is withheld from the other one for it [byte]).
@@ -225,12 +249,17 @@ class Bundle:
         :param size: of all of them [byte]
         :param waiting: of all that waits, these included [byte]
         """
-        if len(self._paths) == 1:
-            return 0, 0.0
-        if self._avoids_first:
-            return 1, 0.0
-        if self._train_left > 0:
+        if self._train_left > 0 and not self._avoids_first:
             return self._train, 0.0
+        if self._alone is None:
+            return self._by_arrival(size, waiting, now)
+        if self._left_early is not None and now >= self._asked + ASK:
+            self._asked = now
+            return self._left_early, 0.0
+        return self._alone, 0.0
+
+    def _by_arrival(self, size: int, waiting: float, now: float) -> Tuple[int, float]:
+        """As `choose`."""
         first, second = self._paths
         by_second = second.virtual_finish(size, now) < first.virtual_finish(size, now)
         chosen, other = (second, first) if by_second else (first, second)
@@ -269,13 +298,41 @@ class Bundle:
     @property
     def capacity(self) -> float:
         """Capacity of all paths together, as far as it is useful [byte/s]."""
-        first = self._carrying[0].capacity
-        if len(self._carrying) == 1:
-            return first
-        second = self._paths[1].capacity
-        behind = self._paths[1].idle_delay - self._paths[0].idle_delay      # NaN: unknown
-        unused = min(abs(behind) / LATE, 1.0) if behind == behind else 0.0
-        return min(first + second - unused * (second if behind > 0 else first), self._limits.max_rate)
+        return min(math.fsum(self._useful()), self._limits.max_rate)
+
+    def _useful(self) -> List[float]:
+        """What streams may take of each path, as far as it arrives in time [byte/s]."""
+        capacities = [path.capacity for path in self._paths]
+        if self._alone is not None:
+            return [capacity if index == self._alone else 0.0 for index, capacity in enumerate(capacities)]
+        later, unused = self._later()
+        capacities[later] *= 1 - unused
+        return capacities
+
+    def _later(self) -> Tuple[int, float]:
+        """(index of the path on which the other one does not wait, the part of it that is not used therefore)."""
+        behind = self._paths[1].idle_delay - self._paths[0].idle_delay
+        return int(behind > 0), min(abs(behind) / LATE, 1.0) if behind == behind else 0.0   # NaN: unknown
+
+    @property
+    def _left_early(self) -> Optional[int]:
+        """Index of an early path that is left for a late one; None: there is none."""
+        if self._avoids_first or self._alone is None or len(self._paths) == 1 or self._later()[0] != self._alone:
+            return None
+        return 1 - self._alone
+
+    def _find_alone(self) -> Optional[int]:
+        """The path that carries all: the late one where that is far more than by both together, the early one where
+        nothing of the late one is left. None: both carry something."""
+        if self._avoids_first or len(self._paths) == 1:
+            return len(self._paths) - 1
+        later, unused = self._later()
+        early, late = (path.capacity * (1 - path.estimator.link.loss) for path in (
+            self._paths[1 - later], self._paths[later]))
+        enough = late * (1.0 if self._alone == later else WORTH)
+        if early + (1 - unused) * late < enough:
+            return later
+        return 1 - later if unused == 1.0 else None
 
     @property
     def link(self) -> Link:
@@ -283,7 +340,7 @@ class Bundle:
         links = [path.estimator.link for path in self._carrying]
         if len(links) == 1:
             return replace(links[0], capacity=self.capacity)
-        shares = [path.capacity for path in self._paths]
+        shares = self._useful()
         loss = sum(link.loss * share for link, share in zip(links, shares)) / sum(shares)
         return replace(links[0], capacity=self.capacity, loss=loss, queue_delay=max(link.queue_delay for link in links))
 
@@ -357,8 +414,9 @@ class Bundle:
 
     def on_feedback(self, index: int, feedback: Feedback, now: float, wanted: float, wished: float) -> Optional[Train]:
         """See Estimator; what the other path carries is not wanted of this one."""
-        others = self.rate_beside(index)
-        train = self._paths[index].estimator.on_feedback(feedback, now, wanted - others, max(0.0, wished - others))
+        one = self._paths[index].estimator
+        others = 0.0 if index == self._left_early and one.link.loss < LOSSY else self.rate_beside(index)
+        train = one.on_feedback(feedback, now, wanted - others, max(0.0, wished - others))
         if train is not None:
             self._train, self._train_left = index, train.size
         return train

@@ -3,17 +3,20 @@
 
 * Each path is asked by PATH_CHALLENGEs, whose answers come back to this side's address on that path. An answer proves
   both directions. Such probes carry nothing, and move no peer (RFC 9000, 9.1).
-* The path in use is in doubt where nothing came for DOUBT, or no probe was answered for UNANSWERED / 2. Then all paths
-  are asked PROBE apart.
-* It is left where nothing came for SILENCE, or no probe was answered for UNANSWERED: data still come, but commands may
-  not arrive. The next one is the first, in order of preference, that has answered since the doubt began.
+* The path in use is left where nothing came for SILENCE, or no probe was answered for UNANSWERED: data still come, but
+  commands may not arrive. Both are longer on a path that pauses (silence.py). The next one is the first, in order of
+  preference, that has answered since the doubt began.
+* It is in doubt from two thirds of the first time, and half of the second one. Then all paths are asked PROBE apart,
+  and the one that is left as long as it may have paused.
 * A preferred path is used again where it has answered three of four of its last MEMORY probes, all sent since it was
-  left: one that loses more than 13 % each way seldom does.
+  left: one that loses more than 13 % each way seldom does. It is used again at once where it is heard before its
+  silence counts as cut: that was a pause.
 """
 import collections
 import math
-from typing import Deque, List, Optional, Sequence
+from typing import Deque, List, Optional, Sequence, Tuple
 
+from ..silence import Silence
 from .place import Place
 
 MAX_PATHS = 4
@@ -23,11 +26,14 @@ PROBE, USED_PROBE, IDLE_PROBE = 0.05, 0.1, 0.25
 """Between two probes of one path: where the used one is in doubt, of those that carry something, of the others. A
 probe and its answer have 76 bytes each with their headers: 6 and 2.4 kbit/s each way [s]."""
 
-DOUBT, SILENCE = 0.1, 0.15
+SILENCE, MAX_SILENCE = 0.15, 0.5
 """A robot sends something each 0.1 s, and most send more [s]."""
 
-UNANSWERED = 0.5
-"""At 20 % loss each way, 9 probes in this time are all lost once in 10 000 times [s]."""
+DOUBT = 2 / 3
+"""The part of the silence after which a path is in doubt."""
+
+UNANSWERED, MAX_UNANSWERED = 0.5, 2.0
+"""At 20 % loss each way, 9 probes in 0.5 s are all lost once in 10 000 times [s]."""
 
 MEMORY, STEADY = 12, 9
 """The last probes of a path, those of 3 s, and how many of them are answered where it is steady."""
@@ -64,8 +70,10 @@ class Path:
 
     def __init__(self, place: Place, now: float) -> None:
         self.place = place
-        self.answered = now
-        """When it was last known to carry both ways, or became known [s]."""
+        self.silence = Silence(SILENCE, MAX_SILENCE, -math.inf)
+        """While the path is used."""
+        self.unanswered = Silence(UNANSWERED, MAX_UNANSWERED, now)
+        """While no probe is answered; it begins when the path was last known to carry both ways, or became known."""
         self.round_trip: Optional[float] = None
         """Round-trip time of the latest probe that was answered [s]."""
         self.shared = -math.inf
@@ -74,6 +82,11 @@ class Path:
         """When it was asked [s]."""
         self._left = -math.inf      # when another path was used in its place
         self._probes: Deque[Probe] = collections.deque(maxlen=MAX_PROBES)
+
+    @property
+    def answered(self) -> float:
+        """When a probe was answered, or the path became known [s]."""
+        return self.unanswered.heard
 
     def ask(self, challenge: bytes, now: float) -> None:
         """A challenge was sent."""
@@ -85,7 +98,8 @@ class Path:
         for probe in self._probes:
             if probe.challenge == response and not probe.answered:
                 probe.answered = True
-                self.answered, self.round_trip = now, now - probe.sent
+                self.unanswered.hear(now, now)
+                self.round_trip = now - probe.sent
                 return True
         return False
 
@@ -102,6 +116,10 @@ class Path:
         """Another path is used in its place: what it did before says nothing [s]."""
         self._left = now
 
+    def has_paused(self) -> bool:
+        """Whether it was left in what has shown to be a pause."""
+        return self.answered > self._left and self.answered - self.silence.heard <= MAX_SILENCE
+
 
 class RobotPaths:
     """The paths to one robot.
@@ -114,7 +132,8 @@ class RobotPaths:
     def __init__(self, places: Sequence[Place], used: Place, now: float) -> None:
         self.paths = [Path(place, now) for place in places]
         self._used = next(path for path in self.paths if path.place == used)
-        self._carried = self._chosen = now      # when data came last, and when the used path was chosen
+        self._chosen = now      # when the used path was
+        self._used.silence.hear(now, now)
 
     @property
     def used(self) -> Place:
@@ -127,7 +146,7 @@ class RobotPaths:
 
     def carried(self, now: float) -> None:
         """Something other than probes and copies came by the used path."""
-        self._carried = now
+        self._used.silence.hear(now, now)
 
     def shared(self, source: Place, now: float) -> None:
         """Something came that the robot sends by another path, whose address is known if the robot is not behind a
@@ -140,15 +159,19 @@ class RobotPaths:
         """Since when no probe of the used path is answered [s]."""
         return max(self._used.answered, self._chosen)
 
-    def _since(self) -> float:
-        """Since when nothing comes over the used path [s]."""
-        return max(self._carried, self._unanswered_since())
+    def _doubts(self, now: float) -> List[Tuple[float, float]]:
+        """The moments from when the used path is in doubt, and when it is left: if nothing comes, and if no probe is
+        answered [s]."""
+        silence, unanswered = self._used.silence.limit(now), self._used.unanswered.limit(now)
+        since, asked = self._used.silence.heard, self._unanswered_since()
+        return [(since + DOUBT * silence, since + silence), (asked + unanswered / 2, asked + unanswered)]
 
     def _is_doubtful(self, now: float) -> bool:
-        return now - self._since() >= DOUBT or now - self._unanswered_since() >= UNANSWERED / 2
+        return any(now >= begins for begins, _ in self._doubts(now))
 
     def _period(self, path: Path, now: float) -> float:
-        if self._is_doubtful(now):
+        pauses = path is not self._used and now - path.silence.heard <= MAX_SILENCE
+        if pauses or self._is_doubtful(now):
             return PROBE
         return USED_PROBE if path is self._used or path.is_shared(now) else IDLE_PROBE
 
@@ -158,13 +181,15 @@ class RobotPaths:
 
     def deadline(self, now: float) -> float:
         """When to call `due` and `choose` next, at the latest [s]."""
-        silences = [self._since() + DOUBT, self._since() + SILENCE]
         return min([path.probed + self._period(path, now) for path in self.paths]
-                   + [time for time in silences if time > now])
+                   + [time for time in self._doubts(now)[0] if time > now])
 
     def take(self, response: bytes, now: float) -> bool:
         """Whether a response answers a probe."""
-        return any(path.take(response, now) for path in self.paths)
+        answered = next((path for path in self.paths if path.take(response, now)), None)
+        if answered is self._used:
+            self.carried(now)
+        return answered is not None
 
     def choose(self, now: float) -> bool:
         """Use another path where that is due; returns whether it is."""
@@ -173,17 +198,16 @@ class RobotPaths:
             return False
         self._used.leave(now)
         self._used, self._chosen = path, now
+        path.silence.hear(now, now)
         return True
 
     def _better(self, now: float) -> Optional[Path]:
         before = self.paths[:self.paths.index(self._used)]
+        paused = next((path for path in before if path.has_paused()), None)
+        if paused is not None:
+            return paused
         steady = next((path for path in before if path.is_steady() and now - path.answered < 2 * IDLE_PROBE), None)
         if steady is not None and now - self._chosen >= STAY:
             return steady
-        if now - self._since() >= SILENCE:
-            doubt = self._since() + DOUBT
-        elif now - self._unanswered_since() >= UNANSWERED:
-            doubt = self._unanswered_since() + UNANSWERED / 2
-        else:
-            return None
+        doubt = next((begins for begins, ends in self._doubts(now) if now >= ends), math.inf)
         return next((path for path in self.paths if path is not self._used and path.answered >= doubt), None)
