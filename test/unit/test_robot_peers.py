@@ -277,17 +277,17 @@ def test_a_peer_that_is_heard_from_its_second_address_only_is_quiet() -> None:
 def test_an_address_that_pauses_is_quiet_later_also_when_it_is_used_again() -> None:
     robot, operator = joined()
     proved(robot, operator, 1.0)
-    for now in (1.05, 1.25):
+    for now in (1.05, 1.17):
         give(robot, OPERATOR, the_robot(operator).seal_one(data(20)), now=now)
-    give(robot, ELSEWHERE, probe(operator), now=1.45)
-    robot.poll(1.5)
+    give(robot, ELSEWHERE, probe(operator), now=1.3)
+    robot.poll(1.32)
     assert not robot.peers[0].is_quiet
-    robot.poll(1.25 + MARGIN * 0.2 + 0.01)
+    robot.poll(1.17 + MARGIN * 0.12 + 0.001)
     assert robot.peers[0].is_quiet
     give(robot, ELSEWHERE, the_robot(operator).seal_one(data(20)), now=1.6)
     assert robot.peers[0].address == ELSEWHERE and robot.peers[0].silence.limit(1.6) == QUIET
     give(robot, OPERATOR, the_robot(operator).seal_one(data(20)), now=3.0)
-    assert robot.peers[0].address == OPERATOR and robot.peers[0].silence.limit(3.0) == pytest.approx(MARGIN * 0.2)
+    assert robot.peers[0].address == OPERATOR and robot.peers[0].silence.limit(3.0) == pytest.approx(MARGIN * 0.12)
 
 
 def test_a_peer_that_is_heard_from_nowhere_is_not_quiet() -> None:

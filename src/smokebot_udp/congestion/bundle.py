@@ -12,8 +12,7 @@
 * A packet train goes by the path that it is to measure.
 * A path whose bytes cost is used beside another one only while that one does not carry the cheapest images, and for no
   more than these take.
-* Where nothing of a late path arrives in time, all goes by the early one; or by the late one if that carries far more,
-  loss taken off.
+* All goes by the late one of two paths where that carries far more than both, loss taken off.
 * While a first path is quiet, all goes by the second one.
 """
 import math
@@ -317,22 +316,17 @@ class Bundle:
     @property
     def _left_early(self) -> Optional[int]:
         """Index of an early path that is left for a late one; None: there is none."""
-        if self._avoids_first or self._alone is None or len(self._paths) == 1 or self._later()[0] != self._alone:
-            return None
-        return 1 - self._alone
+        return None if self._avoids_first or self._alone is None or len(self._paths) == 1 else 1 - self._alone
 
     def _find_alone(self) -> Optional[int]:
-        """The path that carries all: the late one where that is far more than by both together, the early one where
-        nothing of the late one is left. None: both carry something."""
+        """The path that carries all: a late one that is far more than both together. None: both carry something."""
         if self._avoids_first or len(self._paths) == 1:
             return len(self._paths) - 1
         later, unused = self._later()
         early, late = (path.capacity * (1 - path.estimator.link.loss) for path in (
             self._paths[1 - later], self._paths[later]))
         enough = late * (1.0 if self._alone == later else WORTH)
-        if early + (1 - unused) * late < enough:
-            return later
-        return 1 - later if unused == 1.0 else None
+        return later if early + (1 - unused) * late < enough else None
 
     @property
     def link(self) -> Link:

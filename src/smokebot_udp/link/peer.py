@@ -25,8 +25,9 @@ Carried = Dict[Tuple[str, str], int]
 MAX_HOSTS = 8
 """Hosts of a peer, by interface, whose bytes are remembered."""
 
-QUIET, MAX_QUIET = 0.1, 0.5
-"""An operator that gets images sends 30 datagrams a second, others a probe and a report each 0.1 s. See Silence [s]."""
+QUIET, MAX_QUIET = 0.1, 0.2
+"""An operator that gets images sends 30 datagrams a second, others a probe and a report each 0.1 s. It may pause for
+little longer than that, as a cut then costs as much. See Silence [s]."""
 
 
 def first_silence(now: float) -> Silence:
