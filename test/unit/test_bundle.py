@@ -178,6 +178,14 @@ def test_a_late_path_carries_all_where_the_early_one_carries_far_less_until_it_c
     assert early * SIZE > 1.6 * MBIT and late < 0.2 * early
 
 
+def test_an_early_path_that_was_left_does_not_replace_a_quiet_one() -> None:
+    """The operator says soon whether the first one is cut; until then far less would be sent."""
+    robot = TwoPaths(1 * MBIT, 0.1 * MBIT, delays=(0.2, 0.02))
+    robot.drive(8.0)
+    assert not robot.controller.on_paths({'/op': [BOTH[0]._replace(is_quiet=True), BOTH[1]]}, robot.now)
+    assert robot.controller.stats(robot.now).capacity == pytest.approx(MBIT, rel=0.1)
+
+
 def test_the_early_path_is_used_beside_what_the_late_one_carries_in_time() -> None:
     """20 ms later: a part of the late one is used, so that both are better than each."""
     robot = TwoPaths(0.3 * MBIT, 2 * MBIT, delays=(0.02, 0.04))

@@ -38,7 +38,7 @@ from smokebot_udp.link.packets import (
     parse,
     prologue,
 )
-from smokebot_udp.link.peer import Joined, Left, Moved, Refused
+from smokebot_udp.link.peer import Joined, Left, Moved, Quiet, Refused
 from smokebot_udp.link.place import place_at
 from smokebot_udp.link.robot_core import RobotCore
 from smokebot_udp.link.tags import Tags
@@ -534,5 +534,5 @@ def test_a_silent_path_is_left_and_the_robot_follows() -> None:
         if now < 3.0:
             assert the_robot(operator).address == ROBOT and robot.peers[0].address == OPERATOR
     assert operator.events() == [Moved(the_robot(operator), ELSEWHERE)]
-    assert robot.events() == [Moved(robot.peers[0], other)]     # no Quiet: probes alone pause as long as QUIET
+    assert robot.events() == [Quiet(robot.peers[0]), Moved(robot.peers[0], other)]
     assert operator.robot is not None and robot.peers[0].handshakes == 1

@@ -13,7 +13,7 @@
 * A path whose bytes cost is used beside another one only while that one does not carry the cheapest images, and for no
   more than these take.
 * All goes by the late one of two paths where that carries far more than both, loss taken off.
-* While a first path is quiet, all goes by the second one.
+* While a first path is quiet, all goes by the second one, unless that is an early one which was left.
 """
 import math
 from dataclasses import replace
@@ -182,7 +182,7 @@ class Bundle:
 
         :return: whether they carry far less than those before
         """
-        before = self.capacity
+        before, has_left_second = self.capacity, self._left_early == 1
         alone = len(used) == 1 or self._silence_of(used[1], now).is_cut(now)
         self._has_two |= not alone
         self.only = used[0].name if self._has_two and alone else ''
@@ -206,7 +206,7 @@ class Bundle:
         if len(self._paths) > 1:
             for path in self._paths:
                 path.reader.is_shared = True
-        self._avoids_first = used[0].is_quiet and len(self._paths) > 1
+        self._avoids_first = used[0].is_quiet and len(self._paths) > 1 and not has_left_second
         self._alone = self._find_alone()
         return self.capacity < FELL * before
 

@@ -9,9 +9,7 @@
   but not for longer than LEFT_AFTER.
 """
 import math
-from typing import Optional
 
-from ..silence import Silence
 from .control import CHALLENGE_SIZE
 from .place import Place
 
@@ -43,8 +41,6 @@ class PathCheck:
         """When it proved itself [s]."""
         self.left = -math.inf
         """When the peer chose another one [s]."""
-        self.silence: Optional[Silence] = None
-        """While the peer was reached there; None: it never was."""
         self.proposed = False
         """Whether the peer wants to be reached there."""
         self.probed = -math.inf

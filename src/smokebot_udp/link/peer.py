@@ -14,7 +14,6 @@ import numpy as np
 
 from ..arrays import IntArray, UInt8Array
 from ..newest import Newest
-from ..silence import Silence
 from .packets import Reason
 from .place import Address, Place, address_of, interface_of, path_of
 from .session import Session
@@ -24,15 +23,6 @@ Carried = Dict[Tuple[str, str], int]
 
 MAX_HOSTS = 8
 """Hosts of a peer, by interface, whose bytes are remembered."""
-
-QUIET, MAX_QUIET = 0.1, 0.2
-"""An operator that gets images sends 30 datagrams a second, others a probe and a report each 0.1 s. It may pause for
-little longer than that, as a cut then costs as much. See Silence [s]."""
-
-
-def first_silence(now: float) -> Silence:
-    """That of an address which is used from now on."""
-    return Silence(QUIET, MAX_QUIET, now)
 
 
 class Peer:
@@ -55,8 +45,8 @@ class Peer:
         """Another place where it receives now; None: none is known."""
         self.second_heard = self.second_used = -math.inf
         """When it was heard from there, and when something but copies went there [s]."""
-        self.silence, self.is_quiet = first_silence(now), False
-        """That of an operator's `place`, and whether it is heard from `second` only."""
+        self.first_heard, self.is_quiet = now, False
+        """When it was heard from `place`, and whether it is heard from `second` only: of an operator [s]."""
         self.heard = now
         """When its latest authentic packet came [s]."""
         self.handshakes = 1

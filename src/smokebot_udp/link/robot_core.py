@@ -21,9 +21,8 @@ Rules, in the order in which a stranger meets them; each has its tests in test_r
 10. A peer is forgotten after 60 s of silence, at its CLOSE, or when a later one of its name is there and it is silent
     for REPLACED. When another one needs its place, it is forgotten if it is silent for YIELDS.
 11. DATA of a session that is not known is answered by UNKNOWN, at most UNKNOWN_BURST at once, then 1 / UNKNOWN_PERIOD.
-12. A peer from whose address nothing comes for QUIET, longer where it pauses (silence.py), while probes come from its
-    other one, is quiet: what may go by either path goes by the second one only. The peer itself leaves a silent address
-    later (robot_paths.py).
+12. A peer from whose address nothing comes for QUIET, while probes come from its other one, is quiet: what may go by
+    either path goes by the second one only. The peer itself leaves a silent address later (robot_paths.py).
 """
 from typing import Dict, List, Optional
 
@@ -52,7 +51,7 @@ from .packets import (
     prologue,
 )
 from .path import PathCheck
-from .peer import Joined, Moved, Peer, Quiet, Refused, first_silence
+from .peer import Joined, Moved, Peer, Quiet, Refused
 from .place import Place, address_of
 from .replay import HandshakeMemory
 from .robot_paths import ALIVE, MAX_PATHS
@@ -79,6 +78,9 @@ UNKNOWN_BURST, UNKNOWN_PERIOD = 16, 0.02
 
 EVENT_PERIOD = 10.0
 """Between two events of one reason to refuse [s]."""
+
+QUIET = 0.1
+"""An operator that gets images sends 30 datagrams a second, others a probe and a report each 0.1 s [s]."""
 
 VERSION_PERIOD = 3600.0
 """Between two events of the version of one host: that lasts until somebody updates a machine [s]."""
@@ -248,14 +250,14 @@ class RobotCore(LinkCore):
     def _find_quiet(self, peer: Peer, now: float) -> None:
         """Rule 12."""
         was_quiet = peer.is_quiet
-        peer.is_quiet = (peer.second is not None and peer.silence.is_cut(now)
-                         and peer.second_heard > peer.silence.heard)
+        peer.is_quiet = (peer.second is not None and now - peer.first_heard >= QUIET
+                         and peer.second_heard > peer.first_heard)
         if peer.is_quiet and not was_quiet:
             self._events.append(Quiet(peer))
 
     def deadline(self, now: float) -> float:
         """See LinkCore."""
-        quiet = [peer.silence.ends(now) for peer in self._peers if peer.second is not None]
+        quiet = [peer.first_heard + QUIET for peer in self._peers if peer.second is not None]
         return min([super().deadline(now), *(time for time in quiet if time > now)])
 
     def _check(self, peer: Peer, place: Place) -> PathCheck:
@@ -274,7 +276,7 @@ class RobotCore(LinkCore):
     def _on_place(self, peer: Peer, source: Place, size: int, now: float) -> None:
         """Rule 8."""
         if source == peer.place:
-            peer.silence.hear(now, now)
+            peer.first_heard = now
             for check in self._checks_of(peer):
                 check.proposed &= not check.has_left(now)
             return
@@ -288,7 +290,7 @@ class RobotCore(LinkCore):
     def _on_path(self, peer: Peer, kind: Control, body: bytes, source: Place, now: float) -> None:
         """Rule 8."""
         if source == peer.place:
-            peer.silence.hear(now, now)
+            peer.first_heard = now
         if kind == Control.PATH_CHALLENGE:
             self._answer_probe(peer, body, source, now)
             return
@@ -314,11 +316,8 @@ class RobotCore(LinkCore):
         if peer.place != place:
             before = self._check(peer, peer.place)
             before.proved = before.left = now
-            before.silence = peer.silence
-            check = self._check(peer, place)
-            check.proposed = False
-            peer.place, peer.silence = place, check.silence or first_silence(now)
-            peer.silence.hear(now, now)
+            self._check(peer, place).proposed = False
+            peer.place, peer.first_heard = place, now
             if peer.second == place:
                 peer.second = None
             self._events.append(Moved(peer, peer.address))
