@@ -53,9 +53,9 @@ WORTH = 0.5
 is used again when it carries as much. The screen is the same by 2 Mbit/s of which 60 % are lost and by 1 Mbit/s that
 takes 150 ms (`experiments two_paths`) [1]."""
 
-ASK, LOSSY = 1.0, 0.1
-"""So often something goes by an early path that is left, so that reports say what it carries now; trains only measure
-it where it loses less than this part [s, 1]."""
+ASK, ASK_LOSSY, LOSSY = 1.0, 5.0, 0.1
+"""So often something goes by an early path that is left, so that reports say what it carries now. Where it loses more than
+LOSSY, images that are predicted from what is lost freeze, so it is asked seldom, and no train measures it [s, s, 1]."""
 
 FELL = 0.8
 """A path is missed where the others carry less than this part of what all did."""
@@ -252,10 +252,14 @@ class Bundle:
             return self._train, 0.0
         if self._alone is None:
             return self._by_arrival(size, waiting, now)
-        if self._left_early is not None and now >= self._asked + ASK:
+        left = self._left_early
+        if left is not None and now >= self._asked + (ASK_LOSSY if self._is_lossy(left) else ASK):
             self._asked = now
-            return self._left_early, 0.0
+            return left, 0.0
         return self._alone, 0.0
+
+    def _is_lossy(self, index: int) -> bool:
+        return self._paths[index].estimator.link.loss >= LOSSY
 
     def _by_arrival(self, size: int, waiting: float, now: float) -> Tuple[int, float]:
         """As `choose`."""
@@ -408,9 +412,10 @@ class Bundle:
 
     def on_feedback(self, index: int, feedback: Feedback, now: float, wanted: float, wished: float) -> Optional[Train]:
         """See Estimator; what the other path carries is not wanted of this one."""
-        one = self._paths[index].estimator
-        others = 0.0 if index == self._left_early and one.link.loss < LOSSY else self.rate_beside(index)
-        train = one.on_feedback(feedback, now, wanted - others, max(0.0, wished - others))
+        others = self.rate_beside(index)
+        if index == self._left_early:
+            others = math.inf if self._is_lossy(index) else 0.0
+        train = self._paths[index].estimator.on_feedback(feedback, now, wanted - others, max(0.0, wished - others))
         if train is not None:
             self._train, self._train_left = index, train.size
         return train
