@@ -54,8 +54,9 @@ is used again when it carries as much. The screen is the same by 2 Mbit/s of whi
 takes 150 ms (`experiments two_paths`) [1]."""
 
 ASK, ASK_LOSSY, LOSSY = 1.0, 5.0, 0.1
-"""So often something goes by an early path that is left, so that reports say what it carries now. Where it loses more than
-LOSSY, images that are predicted from what is lost freeze, so it is asked seldom, and no train measures it [s, s, 1]."""
+"""So often something goes by an early path that is left, so that reports say what it carries now. Where it loses more
+than LOSSY, images that are predicted from what is lost freeze: it is asked seldom, and no train measures it [s, s, 1].
+"""
 
 FELL = 0.8
 """A path is missed where the others carry less than this part of what all did."""
