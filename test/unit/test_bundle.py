@@ -178,6 +178,12 @@ def test_a_late_path_carries_all_where_the_early_one_carries_far_less_until_it_c
     assert early * SIZE > 1.6 * MBIT and late < 0.2 * early
 
 
+def test_an_early_path_that_costs_is_not_asked() -> None:
+    robot, costs = TwoPaths(1 * MBIT, 1 * MBIT, delays=(0.02, 0.2)), PathUse('wifi', policy=PathPolicy(metered=True))
+    robot.drive(4.0, [costs, BOTH[1]])
+    assert robot.drive(4.0, [costs, BOTH[1]])[0] == 0
+
+
 def test_an_early_path_that_was_left_does_not_replace_a_quiet_one() -> None:
     """The operator says soon whether the first one is cut; until then far less would be sent."""
     robot = TwoPaths(1 * MBIT, 0.1 * MBIT, delays=(0.2, 0.02))

@@ -35,7 +35,7 @@ LAYERS = {
 """Each package, and the packages and modules below it that it may import."""
 
 EVERYWHERE = {'arrays', 'backoff', 'budget', 'checksum', 'copies', 'frame_names', 'image_error', 'long_messages',
-              'newest', 'numpy_messages', 'optional', 'packed', 'paths', 'rotation', 'serialised', 'silence', 'traffic',
+              'newest', 'numpy_messages', 'optional', 'packed', 'paths', 'pauses', 'rotation', 'serialised', 'traffic',
               'transport', 'units', 'version'}
 PURE = {'capture', 'codecs', 'congestion', 'mission', 'mission_report', 'monitoring', 'reliable', 'simulation',
         'streams', 'teleop'}

@@ -23,7 +23,7 @@ from ..monitoring.stats import PathRates
 from ..monitoring.windows import Rate
 from ..newest import Newest
 from ..paths import PathPolicy, PathUse
-from ..silence import Silence
+from ..pauses import Pauses
 from .estimator import Estimator, Limits, Link
 from .feedback import Feedback, FeedbackReader
 from .sent_history import SentHistory
@@ -41,7 +41,7 @@ MAX_LEAD = 0.02
 SILENCE, MAX_SILENCE = 0.35, 1.0
 """A second path carries nothing after this time in which neither a probe came from it nor anything that was sent by it
 was reported. Both come each 0.1 s: at 20 % loss three in a row are lost once in 13 s, six never. It is longer where the
-path pauses, or the first one, which carries the reports, takes long: see Silence [s]."""
+path pauses, or the first one, which carries the reports, takes long: see Pauses [s]."""
 
 LATE = 0.05
 """A path that delivers a datagram later than the other one by this time adds no capacity, by half of this time half of
@@ -78,7 +78,7 @@ class _Estimate:
         self.estimator = Estimator(now, limits)
         self.total: Optional[int] = None
         """Bytes sent until it was left, as its estimator has counted them; None: it was never used."""
-        self.silence = Silence(SILENCE, MAX_SILENCE, -math.inf)
+        self.pauses = Pauses(SILENCE, MAX_SILENCE, -math.inf)
 
 
 class _Path:
@@ -129,7 +129,7 @@ class _Path:
             return None
         samples = [sample._replace(total=sample.total + self._shift) for sample in feedback.samples]
         if samples:
-            self.known.silence.hear(samples[-1].sent, now)
+            self.known.pauses.hear(samples[-1].sent, now)
         if self.since == -math.inf:
             return feedback._replace(samples=samples)
         samples = [sample for sample in samples if sample.sent >= self.since]
@@ -184,7 +184,7 @@ class Bundle:
         :return: whether they carry far less than those before
         """
         before, has_left_second = self.capacity, self._left_early == 1
-        alone = len(used) == 1 or self._silence_of(used[1], now).is_cut(now)
+        alone = len(used) == 1 or self._pauses_of(used[1], now).is_cut(now)
         self._has_two |= not alone
         self.only = used[0].name if self._has_two and alone else ''
         used = [used[0], *(one for one in used[1:2] if self._is_useful(one, used[0], now))]
@@ -228,14 +228,14 @@ class Bundle:
         needed = first.policy.metered or first.is_quiet or self._lacks(first)
         if second.policy.metered and not needed:
             return False
-        return not self._silence_of(second, now).is_cut(now)
+        return not self._pauses_of(second, now).is_cut(now)
 
-    def _silence_of(self, use: PathUse, now: float) -> Silence:
-        """That of a path, from which probes may have come."""
-        silence = self._estimate_of(use.key, now).silence
-        if now - use.silence > silence.heard:
-            silence.hear(now - use.silence, now)
-        return silence
+    def _pauses_of(self, use: PathUse, now: float) -> Pauses:
+        """Those of a path, from which probes may have come."""
+        pauses = self._estimate_of(use.key, now).pauses
+        if now - use.silence > pauses.heard:
+            pauses.hear(now - use.silence, now)
+        return pauses
 
     def _estimate_of(self, key: Any, now: float) -> _Estimate:
         return self._known.of(key, lambda: _Estimate(now, self._limits))

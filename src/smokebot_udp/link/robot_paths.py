@@ -4,7 +4,7 @@
 * Each path is asked by PATH_CHALLENGEs, whose answers come back to this side's address on that path. An answer proves
   both directions. Such probes carry nothing, and move no peer (RFC 9000, 9.1).
 * The path in use is left where nothing came for SILENCE, or no probe was answered for UNANSWERED: data still come, but
-  commands may not arrive. Both are longer on a path that pauses (silence.py). The next one is the first, in order of
+  commands may not arrive. Both are longer on a path that pauses (pauses.py). The next one is the first, in order of
   preference, that has answered since the doubt began.
 * It is in doubt from two thirds of the first time, and half of the second one. Then all paths are asked PROBE apart,
   and the one that is left as long as it may have paused.
@@ -16,7 +16,7 @@ import collections
 import math
 from typing import Deque, List, Optional, Sequence, Tuple
 
-from ..silence import Silence
+from ..pauses import Pauses
 from .place import Place
 
 MAX_PATHS = 4
@@ -70,10 +70,10 @@ class Path:
 
     def __init__(self, place: Place, now: float) -> None:
         self.place = place
-        self.silence = Silence(SILENCE, MAX_SILENCE, -math.inf)
-        """While the path is used."""
-        self.unanswered = Silence(UNANSWERED, MAX_UNANSWERED, now)
-        """While no probe is answered; it begins when the path was last known to carry both ways, or became known."""
+        self.pauses = Pauses(SILENCE, MAX_SILENCE, -math.inf)
+        """Times without anything from it while it is used."""
+        self.unanswered = Pauses(UNANSWERED, MAX_UNANSWERED, now)
+        """Times without an answer to a probe. It counts as heard when it becomes known."""
         self.round_trip: Optional[float] = None
         """Round-trip time of the latest probe that was answered [s]."""
         self.shared = -math.inf
@@ -118,7 +118,7 @@ class Path:
 
     def has_paused(self) -> bool:
         """Whether it was left in what has shown to be a pause."""
-        return self.answered > self._left and self.answered - self.silence.heard <= MAX_SILENCE
+        return self.answered > self._left and self.answered - self.pauses.heard <= MAX_SILENCE
 
 
 class RobotPaths:
@@ -133,7 +133,7 @@ class RobotPaths:
         self.paths = [Path(place, now) for place in places]
         self._used = next(path for path in self.paths if path.place == used)
         self._chosen = now      # when the used path was
-        self._used.silence.hear(now, now)
+        self._used.pauses.hear(now, now)
 
     @property
     def used(self) -> Place:
@@ -146,7 +146,7 @@ class RobotPaths:
 
     def carried(self, now: float) -> None:
         """Something other than probes and copies came by the used path."""
-        self._used.silence.hear(now, now)
+        self._used.pauses.hear(now, now)
 
     def shared(self, source: Place, now: float) -> None:
         """Something came that the robot sends by another path, whose address is known if the robot is not behind a
@@ -162,16 +162,16 @@ class RobotPaths:
     def _doubts(self, now: float) -> List[Tuple[float, float]]:
         """The moments from when the used path is in doubt, and when it is left: if nothing comes, and if no probe is
         answered [s]."""
-        silence, unanswered = self._used.silence.limit(now), self._used.unanswered.limit(now)
-        since, asked = self._used.silence.heard, self._unanswered_since()
+        silence, unanswered = self._used.pauses.limit(now), self._used.unanswered.limit(now)
+        since, asked = self._used.pauses.heard, self._unanswered_since()
         return [(since + DOUBT * silence, since + silence), (asked + unanswered / 2, asked + unanswered)]
 
     def _is_doubtful(self, now: float) -> bool:
         return any(now >= begins for begins, _ in self._doubts(now))
 
     def _period(self, path: Path, now: float) -> float:
-        pauses = path is not self._used and now - path.silence.heard <= MAX_SILENCE
-        if pauses or self._is_doubtful(now):
+        may_pause = path is not self._used and now - path.pauses.heard <= MAX_SILENCE
+        if may_pause or self._is_doubtful(now):
             return PROBE
         return USED_PROBE if path is self._used or path.is_shared(now) else IDLE_PROBE
 
@@ -198,7 +198,7 @@ class RobotPaths:
             return False
         self._used.leave(now)
         self._used, self._chosen = path, now
-        path.silence.hear(now, now)
+        path.pauses.hear(now, now)
         return True
 
     def _better(self, now: float) -> Optional[Path]:

@@ -27,8 +27,8 @@ class Pause(NamedTuple):
     length: float
 
 
-class Silence:
-    """The silence of one path.
+class Pauses:
+    """The pauses of one path, and how long it may be silent therefore.
 
     :param least: for how long it may last where the path has not paused lately [s]
     :param most: a silence that lasts longer is a cut, and no pause [s]
