@@ -71,8 +71,7 @@ def scan_message() -> Any:
 
 def perception_cases(cloud: Any) -> Dict[str, Case]:
     """What is implemented several times, because neither python3-pcl nor numba is available everywhere."""
-    xyz, intensity = as_points(cloud.data, cloud.fields, cloud.height, cloud.width, cloud.point_step, cloud.row_step,
-                               cloud.is_bigendian, with_intensity=True)
+    xyz, intensity = as_points(cloud, with_intensity=True)
     random = np.random.RandomState(4)
     candidates = ground.GroundFinder(0.9).candidates(xyz)
     voters = candidates[random.permutation(len(candidates))[:ground.VOTERS]]

@@ -39,8 +39,7 @@ def cloud(points, stamp=None) -> Any:
 
 def xyz(message) -> Any:
     """(n, 3) float32, in the message's order."""
-    return as_points(message.data, message.fields, message.height, message.width, message.point_step,
-                     message.row_step, message.is_bigendian)[0]
+    return as_points(message)[0]
 
 
 def scan(ranges, intensities=(), stamp=None, **fields) -> Any:

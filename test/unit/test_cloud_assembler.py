@@ -56,8 +56,7 @@ def received(frame: Any, came: Any = None) -> Any:
 
 def points_in(message: PointCloud2) -> Tuple[Any, Any]:
     """A message's points, and intensities or None."""
-    return as_points(message.data, message.fields, message.height, message.width, message.point_step,
-                     message.row_step, message.is_bigendian, True)
+    return as_points(message, True)
 
 
 def thinned(scan: Any, intensity: bool = False, leaf: float = LEAF) -> Tuple[Any, Any]:

@@ -95,15 +95,15 @@ def test_what_the_reference_shows_of_something_else_does_not_count() -> None:
 def coded(how: prediction.Prediction) -> Any:
     """The bytes of a prediction, and how many."""
     data = np.zeros(SIZE, np.uint8)
-    complete, low, width, at = prediction.code_prediction(True, how, PLAN, data, *range_coder.begin(True, data, 0))
+    complete, state = prediction.code_prediction(True, how, PLAN, data, range_coder.begin(True, data, 0))
     assert complete
-    return data[:range_coder.finish(data, low, width, at)]
+    return data[:range_coder.finish(data, state)]
 
 
 def decoded(data: Array) -> Any:
     """Whether it is complete, and the prediction."""
     found = prediction.nothing(PLAN)
-    complete, _, _, _ = prediction.code_prediction(False, found, PLAN, data, *range_coder.begin(False, data, 0))
+    complete, _ = prediction.code_prediction(False, found, PLAN, data, range_coder.begin(False, data, 0))
     return complete, found
 
 
@@ -139,7 +139,7 @@ def test_a_noise_that_there_is_not_is_refused(forged: int) -> None:
     how = prediction.nothing(PLAN)
     how.noises[0] = forged
     data = np.zeros(SIZE, np.uint8)
-    complete, low, width, at = prediction.code_prediction(True, how, PLAN, data, *range_coder.begin(True, data, 0))
+    complete, state = prediction.code_prediction(True, how, PLAN, data, range_coder.begin(True, data, 0))
     assert not complete
-    data = data[:range_coder.finish(data, low, width, at)]
+    data = data[:range_coder.finish(data, state)]
     assert not decoded(np.concatenate([data, np.full(8, 255, np.uint8)]))[0]

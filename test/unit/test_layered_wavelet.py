@@ -30,7 +30,7 @@ def split(x: Array, steps: Array, offset: int = 0, fraction: int = 0) -> Array:
     rows, columns = x.shape
     low, canvas = np.zeros((-(-rows // 2), -(-columns // 2)), np.int32), np.zeros(x.size, np.int32)
     source = x if x.dtype == np.uint8 else x.astype(np.int32)
-    wavelet.split(source.reshape(-1), (rows, columns), offset, fraction, steps, low.reshape(-1), canvas,
+    wavelet.split(source.reshape(-1), (rows, columns), (offset, fraction), steps, low.reshape(-1), canvas,
                   bands(rows, columns), columns)
     quarters = canvas.reshape(x.shape)
     quarters[:low.shape[0], :low.shape[1]] = low

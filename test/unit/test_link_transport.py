@@ -24,7 +24,7 @@ from smokebot_udp.link.place import Place
 from smokebot_udp.link.session import Session
 from smokebot_udp.link.tables import SEEN, Lists, Local, NameEntry, Role, Table, Topic, pack_lists, pack_names
 from smokebot_udp.link.topics import Outgoing, headed
-from smokebot_udp.link.transport import shares
+from smokebot_udp.link.transport import Datagrams, shares
 from smokebot_udp.udpros.datagram import HEADER, IP_UDP_HEADERS
 from smokebot_udp.udpros.endpoints import BatchSender
 from smokebot_udp.udpros.packetizer import no_limit
@@ -70,7 +70,7 @@ def test_shares_add_up_to_the_whole() -> None:
 def test_connections_have_their_shares_of_what_the_kernel_drops(made: Links) -> None:
     robot, _ = made.robot()
     publishers = [robot.publisher(topic, CompressedImage) for topic in (THERMAL, CHAT)]
-    operator, _ = made.operator(robot.port, receive_buffer=4096)
+    operator, _ = made.operator(robot.port, datagrams=Datagrams(receive_buffer=4096))
     slow = threading.Event()
 
     def hang(records: Any, mask: Any) -> None:
@@ -122,7 +122,7 @@ def test_frames_arrive_as_records(made: Links) -> None:
 
 def test_each_topic_has_its_ip_headers_and_marks_are_counted(made: Links) -> None:
     """What a congested queue would mark is sent as marked here."""
-    robot, _ = made.robot(tos_mask=0xff)
+    robot, _ = made.robot(datagrams=Datagrams(tos_mask=0xff))
     images, chat = robot.publisher(THERMAL, CompressedImage, tos=0x8b), robot.publisher(CHAT, String, tos=0xb8)
     operator, _ = made.operator(robot.port)
     inbox = Inbox()
@@ -146,7 +146,7 @@ def test_each_topic_has_its_ip_headers_and_marks_are_counted(made: Links) -> Non
 
 
 def test_ip_headers_are_left_alone_where_that_is_wanted(made: Links) -> None:
-    robot, _ = made.robot(tos_mask=0xfc)
+    robot, _ = made.robot(datagrams=Datagrams(tos_mask=0xfc))
     publisher = robot.publisher(THERMAL, CompressedImage, tos=0x8b)
     operator, _ = made.operator(robot.port)
     inbox = Inbox()
@@ -194,7 +194,7 @@ def test_frames_longer_than_a_datagram_are_cut(made: Links) -> None:
     """The operator receives less than the robot would send."""
     robot, _ = made.robot()
     publisher = robot.publisher(THERMAL, CompressedImage)
-    operator, _ = made.operator(robot.port, max_datagram_size=700)
+    operator, _ = made.operator(robot.port, datagrams=Datagrams(700))
     inbox = Inbox()
     operator.subscriber(THERMAL, CompressedImage, batch_callback=inbox.batch)
     settle(publisher)

@@ -23,6 +23,13 @@ def field(name: str, offset: int, datatype: int = 7, count: int = 1) -> SimpleNa
     return SimpleNamespace(name=name, offset=offset, datatype=datatype, count=count)
 
 
+def message(data: bytes, fields: Sequence[SimpleNamespace], height: int, width: int, point_step: int, row_step: int,
+            is_bigendian: bool = False) -> SimpleNamespace:
+    """Like a PointCloud2."""
+    return SimpleNamespace(data=data, fields=fields, height=height, width=width, point_step=point_step,
+                           row_step=row_step, is_bigendian=is_bigendian)
+
+
 XYZ = [field('x', 0), field('y', 4), field('z', 8)]
 XYZI = [*XYZ, field('intensity', 12)]
 
@@ -30,8 +37,8 @@ XYZI = [*XYZ, field('intensity', 12)]
 def read(data: bytes, fields: Sequence[SimpleNamespace] = XYZ, height: int = 1, width: int = 1, point_step: int = 12,
          row_step: Optional[int] = None, is_bigendian: bool = False,
          intensity: bool = False) -> Tuple[List[List[float]], Optional[List[float]]]:
-    points, values = as_points(data, fields, height, width, point_step, point_step * width if row_step is None
-                               else row_step, is_bigendian, intensity)
+    points, values = as_points(message(data, fields, height, width, point_step, point_step * width if row_step is None
+                                       else row_step, is_bigendian), intensity)
     assert points.dtype == np.float32 and (values is None or values.dtype == np.float32)
     return points.tolist(), None if values is None else values.tolist()
 
@@ -83,15 +90,15 @@ ORGANISED = {'data': FOUR, 'fields': XYZ, 'height': 2, 'width': 2, 'point_step':
     ({'point_step': 0}, 'point_step is 0, by the data it is 12'),
     ({'height': 0, 'width': 4, 'row_step': 0}, 'height is 0, by the data it is 1')])
 def test_a_number_that_contradicts_the_data_is_told_and_not_used(change, problem) -> None:
-    cloud = read_cloud(**{**ORGANISED, **change})
+    cloud = read_cloud(message(**{**ORGANISED, **change}))
     assert cloud.points.tolist() == np.arange(12).reshape(4, 3).tolist() and cloud.problems == (problem,)
-    assert read_cloud(**ORGANISED).problems == ()
+    assert read_cloud(message(**ORGANISED)).problems == ()
 
 
 @pytest.mark.parametrize('change', [{'width': 0}, {'height': 0}, {'width': 0, 'height': 0, 'point_step': 0},
                                     {'width': 0, 'fields': []}, {'width': 0, 'row_step': 0}])
 def test_a_cloud_in_which_nothing_was_seen_has_no_points(change) -> None:
-    cloud = read_cloud(**{**ORGANISED, 'data': b'', **change}, with_intensity=True, further=['ring'])
+    cloud = read_cloud(message(**{**ORGANISED, 'data': b'', **change}), with_intensity=True, further=['ring'])
     assert cloud.points.shape == (0, 3) and cloud.problems == () and len(cloud.extra) == 0
 
 
@@ -101,7 +108,7 @@ DOUBLES = [field(name, 8 * i, 8) for i, name in enumerate('xyz')]
 
 def doubles(points: Any) -> Any:
     points = np.asarray(points, '<f8')
-    return read_cloud(points.tobytes(), DOUBLES, 1, len(points), 24, points.nbytes, False)
+    return read_cloud(message(points.tobytes(), DOUBLES, 1, len(points), 24, points.nbytes))
 
 
 def test_doubles_far_from_the_origin_keep_their_precision() -> None:
@@ -135,7 +142,7 @@ def test_doubles_near_the_origin_are_absolute() -> None:
                                                       (6, 2 ** 24, False), (5, 77, False), (8, 0.1, False)])
 def test_an_intensity_that_float32_rounds_is_told(datatype, value, rounded) -> None:
     data = struct.pack('<3f' + CODES[datatype], 1, 2, 3, value)
-    cloud = read_cloud(data, [*XYZ, field('intensity', 12, datatype)], 1, 1, len(data), len(data), False, True)
+    cloud = read_cloud(message(data, [*XYZ, field('intensity', 12, datatype)], 1, 1, len(data), len(data)), True)
     assert len(cloud.problems) == rounded
 
 
@@ -181,8 +188,8 @@ def values_of(datatype: int) -> st.SearchStrategy:
 
 
 @st.composite
-def clouds(draw: Callable[..., Any]) -> Tuple[tuple, List[dict]]:
-    """as_points' arguments, and each point's {name: value}: laid out at random, written by struct."""
+def clouds(draw: Callable[..., Any]) -> Tuple[SimpleNamespace, List[dict]]:
+    """A message, and each point's {name: value}: laid out at random, written by struct."""
     fields, at = [], 0
     for name in draw(st.permutations(['x', 'y', 'z', 'intensity', 'ring'])):
         at += draw(st.integers(0, 3))
@@ -201,14 +208,14 @@ def clouds(draw: Callable[..., Any]) -> Tuple[tuple, List[dict]]:
                 struct.pack_into(order + CODES[one.datatype], data, row * row_step + column * point_step + one.offset,
                                  point[one.name])
             points.append(point)
-    return (bytes(data), fields, height, width, point_step, row_step, order == '>'), points
+    return message(bytes(data), fields, height, width, point_step, row_step, order == '>'), points
 
 
 @settings(deadline=None)
 @given(clouds())
 def test_any_layout(cloud) -> None:
-    arguments, points = cloud
-    cloud = read_cloud(*arguments, with_intensity=True)
+    given_cloud, points = cloud
+    cloud = read_cloud(given_cloud, with_intensity=True)
     exact = np.array([[point[name] for name in ('x', 'y', 'z', 'intensity')] for point in points], float)
     if cloud.datum is not None:
         assert np.abs(cloud.datum).max() >= DATUM_STEP * (FAR // DATUM_STEP)
@@ -218,10 +225,10 @@ def test_any_layout(cloud) -> None:
     expected = expected[np.isfinite(expected[:, :3]).all(axis=1)]
     np.testing.assert_array_equal(cloud.points, expected[:, :3])
     np.testing.assert_array_equal(cloud.intensity, expected[:, 3])
-    assert as_points(*arguments)[1] is None
+    assert as_points(given_cloud)[1] is None
 
 
-@pytest.mark.parametrize('change, message', [
+@pytest.mark.parametrize('change, error', [
     ({'fields': XYZ[1:]}, "no field x, only 'y', 'z'"),
     ({'fields': XYZ[:2]}, "no field z, only 'x', 'y'"),
     ({'fields': []}, 'no field x, only none'),
@@ -249,11 +256,11 @@ def test_any_layout(cloud) -> None:
     ({'point_step': 11}, 'field z has bytes 8 to 11, point_step is 11'),
     ({'point_step': 2 ** 31}, 'data has 48 bytes, height x width x point_step is 2 x 2 x 2147483648'),
     ({'point_step': 2 ** 32 - 1}, 'data has 48 bytes, height x width x point_step is 2 x 2 x 4294967295')])
-def test_bad_clouds(change, message) -> None:
-    cloud = dict({'data': bytes(48), 'fields': XYZ, 'height': 2, 'width': 2, 'point_step': 12, 'row_step': 24,
-                  'is_bigendian': 0, 'with_intensity': True}, **change)
-    with pytest.raises(ValueError, match=message):
-        as_points(**cloud)
+def test_bad_clouds(change, error) -> None:
+    cloud = message(**{'data': bytes(48), 'fields': XYZ, 'height': 2, 'width': 2, 'point_step': 12, 'row_step': 24,
+                       **change})
+    with pytest.raises(ValueError, match=error):
+        as_points(cloud, True)
 
 
 NUMBERS = st.sampled_from([0, 1, 2, 3, 4, 12, 24, 2 ** 16, 2 ** 31 - 1, 2 ** 31, 2 ** 32 - 1])
@@ -263,7 +270,7 @@ FIELDS = st.builds(field, st.sampled_from(['x', 'y', 'z', 'intensity', '']), NUM
 @given(st.lists(FIELDS, max_size=5), NUMBERS, NUMBERS, NUMBERS, NUMBERS, st.sampled_from([0, 12, 24]))
 def test_absurd_numbers_raise_nothing_else(fields, height, width, point_step, row_step, size) -> None:
     try:
-        points, intensity = as_points(bytes(size), XYZ + fields, height, width, point_step, row_step, 0, True)
+        points, intensity = as_points(message(bytes(size), XYZ + fields, height, width, point_step, row_step), True)
     except ValueError:
         return
     assert points.shape == (height * width, 3) and (intensity is None or intensity.shape == (height * width,))

@@ -155,8 +155,7 @@ def test_the_cloud_falls_on_the_same_surfaces_of_the_thermal_image(time: float) 
     world, pose, stamp = building(1), Drive().pose(time), rospy.Time(1000 + time)
     lidar, eye = Lidar(world, mounts.LIDAR, 1, noise=0.0), Pinhole(320, 240, np.radians(70), mounts.CAMERA)
     message = simulated_topics.cloud(Header(stamp=stamp, frame_id='velodyne'), lidar.scan(pose, time))
-    points, _ = as_points(message.data, message.fields, message.height, message.width, message.point_step,
-                          message.row_step, message.is_bigendian)
+    points, _ = as_points(message)
     turn = matrix(transforms(time, stamp).lookup_transform_core('thermal_optical_frame', 'velodyne', stamp))
     points = points @ turn[:3, :3].T + turn[:3, 3]
     surface = lidar.look(pose)[1].reshape(-1)

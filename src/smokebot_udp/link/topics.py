@@ -5,7 +5,7 @@ import threading
 import time
 import traceback
 from types import MappingProxyType
-from typing import Any, Callable, Collection, Dict, List, Mapping, Optional, Sequence, Union
+from typing import Any, Callable, Collection, Dict, List, Mapping, NamedTuple, Optional, Sequence, Union
 
 import numpy as np
 
@@ -214,6 +214,13 @@ class Publisher:
         self._connections = [] if peer is None else [one for one in self._connections if one.peer is not peer]
 
 
+class Callbacks(NamedTuple):
+    """What a subscriber calls, see transport.Transport.subscriber."""
+    message: Optional[Callable[[Any], None]]
+    batch: Optional[BatchCallback]
+    arrived: Optional[Arrived]
+
+
 class Subscriber:
     """Receives a topic from all peers that send it, see transport.Subscriber.
 
@@ -223,15 +230,14 @@ class Subscriber:
     :param ended: f(subscriber), called by `unregister`
     """
 
-    def __init__(self, topic: Topic, message_class: Any, callback: Optional[Callable[[Any], None]],
-                 queue_size: Optional[int], batch_callback: Optional[BatchCallback], arrived: Optional[Arrived],
+    def __init__(self, topic: Topic, message_class: Any, callbacks: Callbacks, queue_size: Optional[int],
                  wanted: Callable[[], bool], report: Callable[[str], None],
                  ended: Callable[['Subscriber'], None]) -> None:
-        if batch_callback is not None:
+        if callbacks.batch is not None:
             record_dtype(message_class, {})     # raises if the type has no layout
         self.topic, self.message_class = topic, message_class
-        self.callback, self.batch_callback = callback, batch_callback
-        self._queue_size, self._arrived, self._headers = queue_size, arrived, IP_UDP_HEADERS + OVERHEAD
+        self.callback, self.batch_callback = callbacks.message, callbacks.batch
+        self._queue_size, self._arrived, self._headers = queue_size, callbacks.arrived, IP_UDP_HEADERS + OVERHEAD
         self._wanted, self._ended, self._report = wanted, ended, report
         self._incoming: Dict[int, Incoming] = {}      # by the peer's number; replaced, not changed
 

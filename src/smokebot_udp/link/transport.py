@@ -9,7 +9,7 @@ import os
 import socket
 import threading
 import time
-from typing import Any, Callable, Counter, Dict, List, Mapping, Optional, Sequence, Set, Tuple
+from typing import Any, Callable, Counter, Dict, List, Mapping, NamedTuple, Optional, Sequence, Set, Tuple
 
 import numpy as np
 import rospy
@@ -37,7 +37,7 @@ from .resolver import Resolver
 from .robot_core import RobotCore
 from .robot_paths import SHARED_FOR
 from .tables import Local, Role, Topic
-from .topics import Publisher, Subscriber
+from .topics import Callbacks, Publisher, Subscriber
 
 PERIOD = 0.1
 """How often the topics of this side are looked at for changes [s]."""
@@ -136,7 +136,7 @@ class LinkTransport:
         :raises ValueError: if the topic is subscribed already, or its name is too long
         """
         subscriber = Subscriber(Topic(topic, message_class._type, message_class._md5sum, carries), message_class,
-                                callback, queue_size, batch_callback, arrived, wanted, self._report,
+                                Callbacks(callback, batch_callback, arrived), queue_size, wanted, self._report,
                                 self._end_subscriber)
         with self._lock:
             self._local.add(Role.RECEIVES, subscriber.topic)
@@ -348,15 +348,24 @@ def shares(total: int, weights: Sequence[int]) -> List[int]:
     return found
 
 
+class Datagrams(NamedTuple):
+    """Those of a link."""
+    max_size: int = DEFAULT_MAX_DATAGRAM_SIZE
+    """The longest to send and to receive, the link's overhead included [byte of UDP payload]."""
+    receive_buffer: int = 4 << 20
+    """Requested from the kernel [byte]."""
+    tos_mask: int = 0
+    """The bits that are used of the second byte of IP headers, see traffic.mask."""
+
+
+DEFAULT_DATAGRAMS = Datagrams()
+
+
 class RobotTransport(LinkTransport):
     """The robot's side.
 
     :param port: UDP port to listen on, on all interfaces; 0: any free one, see `port`
     :param key: of the link, 32 bytes
-    :param max_datagram_size: the longest datagram to send and to receive, the link's overhead included
-        [byte of UDP payload]
-    :param receive_buffer: requested from the kernel [byte]
-    :param tos_mask: of the second byte of IP headers, see traffic.mask
     :param name: under which operators know it; None: the node's and the machine's
     :param renewed: f(now [s]) -> a key that replaces the present one, if there is one
     :param report: f(text), called with what somebody has to see to
@@ -364,11 +373,10 @@ class RobotTransport(LinkTransport):
     :raises OSError: if the port is in use
     """
 
-    def __init__(self, port: int, key: bytes, *, max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE,
-                 receive_buffer: int = 4 << 20, tos_mask: int = 0, name: Optional[str] = None, renewed: Renewed = never,
-                 report: Report = rospy.logerr, log: Report = rospy.loginfo) -> None:
-        core = RobotCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
-        super().__init__(core, port, receive_buffer, tos_mask, renewed, report, log)
+    def __init__(self, port: int, key: bytes, *, datagrams: Datagrams = DEFAULT_DATAGRAMS, name: Optional[str] = None,
+                 renewed: Renewed = never, report: Report = rospy.logerr, log: Report = rospy.loginfo) -> None:
+        core = RobotCore(key, os.urandom, datagrams.max_size, own_name() if name is None else name)
+        super().__init__(core, port, datagrams.receive_buffer, datagrams.tos_mask, renewed, report, log)
         self._endpoint.start()
 
     def _on_refused(self, event: Refused) -> None:
@@ -386,18 +394,17 @@ class OperatorTransport(LinkTransport):
     The other arguments are RobotTransport's.
     """
 
-    def __init__(self, addresses: Sequence[Address], key: bytes, *,
-                 max_datagram_size: int = DEFAULT_MAX_DATAGRAM_SIZE, receive_buffer: int = 4 << 20, tos_mask: int = 0,
+    def __init__(self, addresses: Sequence[Address], key: bytes, *, datagrams: Datagrams = DEFAULT_DATAGRAMS,
                  name: Optional[str] = None, renewed: Renewed = never, report: Report = rospy.logerr,
                  log: Report = rospy.loginfo, remarks: Sequence[str] = ()) -> None:
-        self._operator = OperatorCore(key, os.urandom, max_datagram_size, own_name() if name is None else name)
+        self._operator = OperatorCore(key, os.urandom, datagrams.max_size, own_name() if name is None else name)
         parts = [(*host.partition('%')[::2], port) for host, port in addresses]
         self._resolvers = [(Resolver(host), port, interface) for host, interface, port in parts]
         self._interfaces = Interfaces([interface for _, interface, _ in parts], report)
         self._troubled: Optional[float] = None      # since when there is a problem
         self._last_problem: Optional[str] = None    # that was reported
         self._has_left = False      # and has said so
-        super().__init__(self._operator, 0, receive_buffer, tos_mask, renewed, report, log, remarks)
+        super().__init__(self._operator, 0, datagrams.receive_buffer, datagrams.tos_mask, renewed, report, log, remarks)
         self._endpoint.start()
 
     def problem(self) -> Optional[str]:

@@ -18,7 +18,7 @@ from .. import traffic
 from ..limited_log import ERROR_PERIOD
 from ..link.keys import DEFAULT_KEY_FILE, KeyFile, copy_command, make_key
 from ..link.robot_paths import MAX_PATHS
-from ..link.transport import LinkTransport, OperatorTransport, RobotTransport
+from ..link.transport import Datagrams, LinkTransport, OperatorTransport, RobotTransport
 from ..transport import Transport
 from ..udpros.endpoints import addresses_of, is_own
 from ..udpros.transport import UdprosTransport
@@ -58,8 +58,8 @@ def robot_transport(parameters: Parameters) -> Transport:
             make_key(path)
         key = KeyFile(path, log_error('', ERROR_PERIOD))
         try:
-            transport = RobotTransport(port, key.key, max_datagram_size=size, tos_mask=tos_mask, renewed=key.renewed,
-                                       report=log_error('', ERROR_PERIOD))
+            transport = RobotTransport(port, key.key, datagrams=Datagrams(size, tos_mask=tos_mask),
+                                       renewed=key.renewed, report=log_error('', ERROR_PERIOD))
         except OSError as error:
             raise ValueError('UDP port %d cannot be used: %s' % (port, error.strerror)) from None
         rospy.loginfo('%s %s; on a desk that lacks it, run: %s', 'the link has a new key,' if is_new else
@@ -88,7 +88,7 @@ def operator_transport(parameters: Parameters) -> Transport:
         key = KeyFile(path, log_error('', ERROR_PERIOD))
         foreign = foreign_master(rosgraph.get_master_uri() or '', robot, _is_registered(ROBOT), is_own, addresses_of)
         return _remarked(OperatorTransport(
-            addresses, key.key, max_datagram_size=size, receive_buffer=buffer, tos_mask=tos_mask, renewed=key.renewed,
+            addresses, key.key, datagrams=Datagrams(size, buffer, tos_mask), renewed=key.renewed,
             report=log_error(robot, ERROR_PERIOD), remarks=[foreign] if foreign else []))
     # a desk with several robots shows the messages of all on one terminal
     return _patiently('the link to %s' % robot if robot else 'the link', connect)

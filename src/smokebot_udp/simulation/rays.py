@@ -59,14 +59,18 @@ def ranges(world: World, origin: Sequence[float], height: float, azimuths: Float
     seen = in_sight(world, enter, leave)
     for prism in np.flatnonzero(seen.any(axis=1)):
         rows = np.flatnonzero(seen[prism])
-        _hit(enter[prism, rows], leave[prism, rows], world.bottom[prism] - height, world.top[prism] - height, slopes,
+        _hit(enter[prism, rows], leave[prism, rows], (world.bottom[prism] - height, world.top[prism] - height), slopes,
              rows, prism, nearest, surface)
     return nearest, surface
 
 
-def _hit(enter: Float32Array, leave: Float32Array, bottom: float, top: float, slopes: FloatArray, rows: IntArray,
+def _hit(enter: Float32Array, leave: Float32Array, heights: Tuple[float, float], slopes: FloatArray, rows: IntArray,
          prism: int, nearest: Float32Array, surface: Array) -> None:
-    """Enter a prism into `nearest` and `surface` wherever it is the nearest so far."""
+    """Enter a prism into `nearest` and `surface` wherever it is the nearest so far.
+
+    :param heights: of its underside and its top above the scanner [m]
+    """
+    bottom, top = heights
     rise = enter[:, np.newaxis] * slopes
     side = (rise >= bottom) & (rise <= top)
     with np.errstate(divide='ignore', invalid='ignore'):

@@ -321,8 +321,7 @@ class Robot(Part):
         pose, base = self._pose_in_fixed(message.header.frame_id), self.pose()
         if pose is None or base is None:
             raise ValueError('tf does not know frame %r or the robot' % message.header.frame_id)
-        points, _ = as_points(message.data, message.fields, message.height, message.width, message.point_step,
-                              message.row_step, message.is_bigendian)
+        points, _ = as_points(message)
         view = cloud_from_above(points, pose, base)
         self._show(Kind.CLOUD, entry, {'x': view.x, 'y': view.y, 'resolution': CELL}, view.png,
                    message.header.stamp.to_sec())

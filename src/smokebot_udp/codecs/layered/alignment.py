@@ -9,7 +9,7 @@ pays a price, so that nodes without texture follow the others.
 Its numbers are floating-point ones and differ from one machine to another: both sides use what is sent.
 """
 import math
-from typing import List, Tuple
+from typing import List, NamedTuple, Tuple
 
 import numpy as np
 from scipy.linalg import solveh_banded
@@ -151,16 +151,28 @@ def _sums(image: Array, at: int, width: int, reference: Array, there: int, below
     return yy, yx, xx, ye, xe, ee
 
 
+class Runs(NamedTuple):
+    """Runs of RUN pixels in a row of a cell of the mesh."""
+    first: int
+    """Column where the first one begins."""
+    last: int
+    """Column behind the last one."""
+    place: float
+    """Where the first one is between the cell's sides, 0..1."""
+    pace: float
+    """From the place of one to that of the next column."""
+
+
 @compiled
-def _observe_cell(image: Array, reference: Array, height: int, width: int, y: int, first: int, last: int, left: Array,
-                  right: Array, place: float, pace: float, usual: float, sums: Array) -> None:
+def _observe_cell(image: Array, reference: Array, size: Tuple[int, int], y: int, runs: Runs, sides: Tuple[Array, Array],
+                  usual: float, sums: Array) -> None:
     """Add up what is observed in a row of a cell of the mesh.
 
-    :param first: column of the first run of RUN pixels; `last` is behind the last one
-    :param left: (2,) displacement of the cell's left side, down and right [pixel]; `right`: likewise
-    :param place: of the first run between them, 0..1; each next one is `pace` farther
+    :param size: height and width
+    :param sides: each (2,): displacements of the cell's left and right side, down and right [pixel]
     :param sums: (16,) float64, see ERROR and the others; is added to
     """
+    (height, width), (first, last, place, pace), (left, right) = size, runs, sides
     for x in range(first, last, RUN):
         u = place + (x - first) * pace
         at_y, at_x = y + left[0] + u * (right[0] - left[0]), x + left[1] + u * (right[1] - left[1])
@@ -204,10 +216,11 @@ def _distribute(sums: Array, v: float, products: Array, pulls: Array, row: int, 
 
 
 @compiled
-def _observe(image: Array, reference: Array, height: int, width: int, nodes: Array, step: int, usual: float,
+def _observe(image: Array, reference: Array, size: Tuple[int, int], nodes: Array, step: int, usual: float,
              products: Array, pulls: Array) -> Tuple[float, float]:
     """The normal equations of each `step`-th row of flat images.
 
+    :param size: height and width
     :param nodes: (n, n, 2) float64: displacements down and right [pixel]
     :param products: (n - 1, n - 1, 3, 3, 3) float64, is added to: of each cell; by the nodes that share it: above with
         above, above with below, below with below, then likewise left and right; of slopes: yy, yx, xx
@@ -215,7 +228,7 @@ def _observe(image: Array, reference: Array, height: int, width: int, nodes: Arr
     :param usual: squared difference; pixels of much larger ones have less weight
     :returns: the squared error of all pixels, by their weights, and a usual one
     """
-    cells = nodes.shape[0] - 1
+    (height, width), cells = size, nodes.shape[0] - 1
     error, roots, count, sums = 0.0, 0.0, 0.0, np.empty(16)
     for y in range(1 + step // 2, height - 1, step):
         v = (y + 0.5) * cells / height
@@ -228,8 +241,8 @@ def _observe(image: Array, reference: Array, height: int, width: int, nodes: Arr
             behind = width - RUN if cell == cells - 1 else min(int((cell + 1) * width / cells - 0.5 * RUN), width - RUN)
             last = x + max(behind - x + RUN - 1, 0) // RUN * RUN
             sums[:] = 0
-            _observe_cell(image, reference, height, width, y, x, last, sides[cell], sides[cell + 1],
-                          (x + 0.5 * RUN) * cells / width - cell, cells / width, usual, sums)
+            runs = Runs(x, last, (x + 0.5 * RUN) * cells / width - cell, cells / width)
+            _observe_cell(image, reference, size, y, runs, (sides[cell], sides[cell + 1]), usual, sums)
             _distribute(sums, v, products, pulls, row, cell)
             error, roots, count = error + sums[ERROR], roots + sums[ROOTS], count + sums[COUNT]
             x = last
@@ -277,10 +290,10 @@ def _bind(matrix: Array, i: int, j: int, price: float) -> None:
 def _refined(image: Float32Array, reference: Float32Array, nodes: FloatArray) -> FloatArray:
     """The mesh after a Gauss-Newton step."""
     size, rows = len(nodes), max(image.size // SAMPLES, 1)
-    one, other, height, width = image.reshape(-1), reference.reshape(-1), image.shape[0], image.shape[1]
-    _, usual = _observe(one, other, height, width, nodes, COARSE * rows, np.inf, *_nothing(size))
+    one, other, shape = image.reshape(-1), reference.reshape(-1), (image.shape[0], image.shape[1])
+    _, usual = _observe(one, other, shape, nodes, COARSE * rows, np.inf, *_nothing(size))
     products, pulls = _nothing(size)
-    error, _ = _observe(one, other, height, width, nodes, rows, OUTLIER * usual + 1e-6, products, pulls)
+    error, _ = _observe(one, other, shape, nodes, rows, OUTLIER * usual + 1e-6, products, pulls)
     price = STIFFNESS * error / size ** 2
     matrix = np.zeros((2 * (size + 2), nodes.size))
     _assemble(products, price, matrix)

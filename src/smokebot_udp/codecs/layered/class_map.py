@@ -8,15 +8,15 @@ from typing import Iterator, Tuple
 import numpy as np
 
 from ...arrays import Array, UInt8Array
-from .loops import compiled, int64
-from .range_coder import code
+from .loops import borrowing, int64
+from .range_coder import State, code
 
 CLASSES = 4
 MAX_EXPONENT = 7
 """Blocks have sides of 2^MAX_EXPONENT cells at most."""
 
 
-@compiled
+@borrowing
 def _guess(classes: Array, y: int, x: int) -> Tuple[int, int]:
     """The class of the cell on the left or above, and a context 0..63 from three neighbours."""
     left = int64(classes[y, x - 1]) if x > 0 else 0
@@ -25,29 +25,28 @@ def _guess(classes: Array, y: int, x: int) -> Tuple[int, int]:
     return left, (left & 3) << 4 | (above & 3) << 2 | (beyond & 3)
 
 
-@compiled
-def _code(encoding: bool, classes: Array, odds: Array, data: Array, low: int, width: int, at: int
-          ) -> Tuple[bool, int, int, int]:
+@borrowing
+def _code(encoding: bool, classes: Array, odds: Array, data: Array, state: State) -> Tuple[bool, State]:
     for y in range(classes.shape[0]):
         for x in range(classes.shape[1]):
             left, context = _guess(classes, y, x)
             value = int64(classes[y, x])
-            other, low, width, at = code(encoding, data, odds, context, 1 if value != left else 0, low, width, at)
+            other, state = code(encoding, data, odds, context, 1 if value != left else 0, state)
             if other < 0:
-                return False, low, width, at
+                return False, state
             if other:
-                high, low, width, at = code(encoding, data, odds, 64 + 2 * context, value >> 1, low, width, at)
+                high, state = code(encoding, data, odds, 64 + 2 * context, value >> 1, state)
                 if high < 0:
-                    return False, low, width, at
-                bit, low, width, at = code(encoding, data, odds, 192 + 2 * context + high, value & 1, low, width, at)
+                    return False, state
+                bit, state = code(encoding, data, odds, 192 + 2 * context + high, value & 1, state)
                 if bit < 0:
-                    return False, low, width, at
+                    return False, state
                 value = 2 * high + bit
             elif not encoding:
                 value = left
             if not encoding:
                 classes[y, x] = value
-    return True, low, width, at
+    return True, state
 
 
 def reductions(classes: UInt8Array) -> Iterator[UInt8Array]:
@@ -71,7 +70,6 @@ def enlarged(blocks: UInt8Array, exponent: int, height: int, width: int) -> UInt
     return cells
 
 
-def code_classes(encoding: bool, classes: UInt8Array, data: UInt8Array, low: int, width: int, at: int
-                 ) -> Tuple[bool, int, int, int]:
+def code_classes(encoding: bool, classes: UInt8Array, data: UInt8Array, state: State) -> Tuple[bool, State]:
     """Code the map, (height, width) uint8 0..3; whether it is complete, and the coder's state."""
-    return _code(encoding, classes, np.full(320, 1 << 31 | 1 << 15, np.uint32), data, low, width, at)
+    return _code(encoding, classes, np.full(320, 1 << 31 | 1 << 15, np.uint32), data, state)

@@ -56,7 +56,7 @@ def analyse(pixels: Array, plan: Layout, offset: int) -> Array:
     for x, subtracted, fraction in colour.to_channels(pixels, offset, plan.fraction):
         for level in range(plan.levels - 1, -1, -1):
             low = np.empty(((x.shape[0] + 1) // 2, (x.shape[1] + 1) // 2), np.int32)
-            wavelet.split(x.reshape(-1), (x.shape[0], x.shape[1]), subtracted, fraction, STEPS[plan.lossless],
+            wavelet.split(x.reshape(-1), (x.shape[0], x.shape[1]), (subtracted, fraction), STEPS[plan.lossless],
                           low.reshape(-1), canvas, _bands_of(plan, number, level), plan.stride)
             x, subtracted, fraction = low, 0, 0
         _store(x, subtracted, fraction, plan.bands[number], plan.stride, canvas)
@@ -105,7 +105,7 @@ def _quantise(values: Array, bands: Array, stride: int, half: int, planes: Array
 
 
 def quantise(canvas: Array, plan: Layout, predicted: Optional[Array]) -> Tuple[IntArray, FloatArray]:
-    """Quantise all coefficients of a canvas, in place: see passes.Work.values.
+    """Quantise all coefficients of a canvas, in place: see passes.Coefficients.values.
 
     :param predicted: the canvas of what is predicted of them
     :returns: (bands,): the planes of the largest magnitudes, and the sums of squared magnitudes
@@ -147,7 +147,7 @@ def add_estimates(canvas: Array, plan: Layout, firsts: IntArray, places: Array, 
                   guesses: IntArray) -> None:
     """Add what is known of significant coefficients to a canvas; see prefixes.Prefixes.
 
-    :param counts: (bands, 9) int64, see passes.Work: how many are known, and down to which plane
+    :param counts: (bands, 9) int64, see passes.Coding: how many are known, and down to which plane
     :param guesses: see guesses_of
     """
     _estimate(plan.bands, counts, firsts, places, values, guesses, canvas)

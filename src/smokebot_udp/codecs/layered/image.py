@@ -3,7 +3,7 @@
 import itertools
 import math
 import struct
-from typing import List, NamedTuple, Optional, Tuple
+from typing import NamedTuple, Optional, Tuple
 
 import numpy as np
 
@@ -80,7 +80,7 @@ class Read(NamedTuple):
 
 
 def _new_work(plan: layout.Layout, data: UInt8Array, values: Array, predicted: bool) -> passes.Work:
-    """:param values: see passes.Work
+    """:param values: see passes.Coefficients
     :param predicted: whether there is a reference
     """
     counted = int((plan.bands[:, layout.ROWS] * plan.bands[:, layout.COLUMNS]).sum())
@@ -88,11 +88,13 @@ def _new_work(plan: layout.Layout, data: UInt8Array, values: Array, predicted: b
     counts[:, passes.BLOCKS] = np.diff(plan.firsts)
     live, quiet, found, known = (np.empty(counted, np.int32) for _ in range(4))
     log, marks = np.empty((len(plan.steps) // 3 * 5 + 1, 5), np.int32), np.full(len(data) // 2 + 16, -1, np.int32)
-    return passes.Work(values, np.zeros(plan.cells, np.uint8), np.zeros(plan.cells, np.int8), live, quiet, found, known,
-                       np.arange(len(plan.blocks), dtype=np.int32), plan.blocks.reshape(-1), plan.firsts,
-                       np.zeros(plan.places, np.uint8), np.zeros(plan.places, np.uint8), counts,
-                       contexts.initial_odds(len(plan.bands)), np.zeros(1),
-                       coefficients.guesses_of(plan.lossless, predicted), data, log, marks)
+    return passes.Work(
+        passes.Coefficients(values, np.zeros(plan.cells, np.uint8), np.zeros(plan.cells, np.int8), live, quiet, found,
+                            known),
+        passes.BlockLists(np.arange(len(plan.blocks), dtype=np.int32), plan.blocks.reshape(-1), plan.firsts,
+                          np.zeros(plan.places, np.uint8), np.zeros(plan.places, np.uint8)),
+        passes.Coding(counts, contexts.initial_odds(len(plan.bands)), np.zeros(1),
+                      coefficients.guesses_of(plan.lossless, predicted), data, log, marks))
 
 
 def _rounded(variance: float) -> float:
@@ -141,14 +143,14 @@ def _code_map(classes: UInt8Array, data: UInt8Array, most: int) -> Optional[_Cod
     room = np.zeros(len(data) + classes.size // 2, np.uint8)
     exact_end = 0
     for exponent, blocks in enumerate(itertools.chain([classes], class_map.reductions(classes))):
-        low, interval, at = range_coder.begin(True, room, _HEAD.size)
-        complete, low, interval, at = class_map.code_classes(True, blocks, room, low, interval, at)
+        complete, state = class_map.code_classes(True, blocks, room, range_coder.begin(True, room, _HEAD.size))
+        at = state[2]
         end = at + range_coder.AHEAD
         exact_end = exact_end or end
         if complete and end <= most:
             data[:at] = room[:at]
             wrong = int((class_map.enlarged(blocks, exponent, *classes.shape) != classes).sum()) if exponent else 0
-            return _CodedMap((low, interval, at), exponent, wrong, exact_end - end, end)
+            return _CodedMap(state, exponent, wrong, exact_end - end, end)
     return None
 
 
@@ -164,13 +166,14 @@ def _code_prediction(canvas: Array, reference: Optional[Array], plan: layout.Lay
     other = coefficients.analyse(reference, plan, offset)
     chosen, predicted, saved = prediction.choose(canvas, other, plan, 8.0 * len(data))
     room = data.copy()
-    complete, low, interval, at = prediction.code_prediction(True, chosen, plan, room, *beginning.state)
+    complete, state = prediction.code_prediction(True, chosen, plan, room, beginning.state)
+    at = state[2]
     end = at + range_coder.AHEAD
     size = end - beginning.end
     if not complete or end > budget or size > PREDICTION_PART * budget or 8 * size * WORTH > saved:
         return beginning, None, 0.0
     data[:at] = room[:at]
-    return beginning._replace(state=(low, interval, at), end=end), Predicted(reference, chosen, predicted), saved
+    return beginning._replace(state=state, end=end), Predicted(reference, chosen, predicted), saved
 
 
 def encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8Array] = None,
@@ -222,20 +225,18 @@ def _encode(pixels: Array, lossless: bool, budget: int, classes: Optional[UInt8A
     flags |= 0 if predicted is None else _REFERENCE
     tops, energies = coefficients.quantise(canvas, plan, None if predicted is None else predicted.canvas)
     work = _new_work(plan, data[:room + 4], canvas, predicted is not None)
-    work.counts[:, passes.TOP], planes = tops, int(tops.max())
-    work.error[0] = float((plan.weights ** 2 * energies).sum())
-    low, interval, at = beginning.state
+    work.coding.counts[:, passes.TOP], planes, error = tops, int(tops.max()), work.coding.error
+    error[0] = float((plan.weights ** 2 * energies).sum())
     ends, errors = np.zeros(2000, np.int64), np.zeros(2000)
-    ends[0], errors[0] = beginning.end, work.error[0]
-    points, complete, logged, low, interval, at = passes.code_planes(
-        True, work, plan.bands, plan.weights, plan.steps, plan.stride, planes, _part(height, width), ends, errors,
-        low, interval, at)
-    end = range_coder.finish(data, low, interval, at)
+    ends[0], errors[0] = beginning.end, error[0]
+    points, complete, logged, state = passes.code_planes(
+        True, work, plan, planes, _part(height, width), passes.Points(ends, errors), beginning.state)
+    end = range_coder.finish(data, state)
     if complete:    # as a truncation point
-        end = at + range_coder.AHEAD
+        end = state[2] + range_coder.AHEAD
     end = max(min(end, budget), int(ends[0]))
     points = min(points, int(np.searchsorted(ends[:points], end)))
-    ends[points], errors[points] = end, max(work.error[0], 0.0)
+    ends[points], errors[points] = end, max(error[0], 0.0)
     head = _HEAD.pack(flags, height, width, offset, planes, end)
     data[:len(head)] = np.frombuffer(head, np.uint8)
     cells = height * width * channels
@@ -293,26 +294,24 @@ def read(data: bytes, height: int, width: int, channels: int, itemsize: int, ref
         return None
     plan = layout.layout_of(height, width, channels, bool(flags & _LOSSLESS))
     stream = np.frombuffer(data, np.uint8)[:length].copy()
-    low, interval, at = range_coder.begin(False, stream, _HEAD.size)
+    state = range_coder.begin(False, stream, _HEAD.size)
     classes, predicted = None, None
     if flags & _CLASSES:
         exponent = flags >> _EXPONENT & 7
         blocks = np.zeros(class_map.reduced_size(height, width, exponent), np.uint8)
-        complete, low, interval, at = class_map.code_classes(False, blocks, stream, low, interval, at)
+        complete, state = class_map.code_classes(False, blocks, stream, state)
         if not complete:
             return None
         classes = class_map.enlarged(blocks, exponent, height, width)
     if used is not None:
         chosen = prediction.nothing(plan)
-        complete, low, interval, at = prediction.code_prediction(False, chosen, plan, stream, low, interval, at)
+        complete, state = prediction.code_prediction(False, chosen, plan, stream, state)
         if not complete:
             return None
         other = coefficients.analyse(used, plan, offset)
         predicted = Predicted(used, chosen, prediction.predicted(other, plan, chosen))
-    begun = at if flags & (_CLASSES | _REFERENCE) else _HEAD.size
+    begun = state[2] if flags & (_CLASSES | _REFERENCE) else _HEAD.size
     work = _new_work(plan, stream, np.zeros(0, np.int32), predicted is not None)
-    nothing: List[Array] = [np.zeros(1, np.int64), np.zeros(1)]
-    _, _, logged, _, _, _ = passes.code_planes(
-        False, work, plan.bands, plan.weights, plan.steps, plan.stride, planes, _part(height, width), nothing[0],
-        nothing[1], low, interval, at)
+    no_points = passes.Points(np.zeros(1, np.int64), np.zeros(1))
+    _, _, logged, _ = passes.code_planes(False, work, plan, planes, _part(height, width), no_points, state)
     return Read(prefixes_of(plan, work, logged, offset, itemsize, begun, length, predicted), classes)

@@ -37,9 +37,13 @@ from .layout import (
     REFINEMENT,
     SHAPE,
     START,
+    Layout,
 )
 from .loops import borrowing, int64, specialised, uint64
-from .range_coder import AHEAD, END, LEAST, after_one, after_zero, bound_of, code, decide, refill, unknown_of
+from .range_coder import AHEAD, END, LEAST, State, after_one, after_zero, bound_of, code, decide, refill, unknown_of
+
+Interval = Tuple[int, int, int]
+"""The range coder's low and width, and `unknown`, see range_coder.refill."""
 
 BLOCKS_PASS = 3
 GUESS_BITS = 10
@@ -54,8 +58,8 @@ TOP, ALIVE, LIVE, QUIET, FOUND, OLD, REFINED, BLOCKS, PLANE = range(9)
 LOG_AT, LOG_BAND, LOG_PLANE, LOG_KIND, LOG_FOUND = range(5)
 
 
-class Work(NamedTuple):
-    """The arrays of an image."""
+class Coefficients(NamedTuple):
+    """The coefficients of an image."""
     values: Array
     """(cells,) int32: twice the magnitude, and 1 of negative ones; the decoder has none"""
     activity: UInt8Array
@@ -70,16 +74,24 @@ class Work(NamedTuple):
     """(coefficients,) int32: significant ones, in the order in which they became so"""
     known: Array
     """(coefficients,) int32: their values; the decoder's as far as known"""
+
+
+class BlockLists(NamedTuple):
+    """The blocks of an image."""
     closed: Array
     """(b,) int32: which blocks are without activity"""
-    blocks: Array
-    """(4 b,) int32: the table of layout.Layout, row by row"""
+    table: Array
+    """(4 b,) int32: the one of layout.Layout, row by row"""
     firsts: Array
     """(bands + 1,) where the blocks of each band begin"""
     alive: UInt8Array
     """(places,) 1: a block that is no more in `closed`"""
     touched: UInt8Array
     """(places,) 1: a block any of whose coefficients has activity, or one that is alive"""
+
+
+class Coding(NamedTuple):
+    """What codes an image, and what is noted of it."""
     counts: Array
     """(bands, 9) int64: TOP: planes that are not empty (encoder); ALIVE; lengths of lists; OLD: found before this
     plane; REFINED: of them, in this plane; PLANE: the one that was begun last"""
@@ -96,6 +108,19 @@ class Work(NamedTuple):
     marks: Array
     """(m,) int32: where the bytes up to 2 i are read by a pass, how many coefficients it has found or refined until
     then; -1: no pass of the log reads them"""
+
+
+class Work(NamedTuple):
+    """The arrays of an image."""
+    coefficients: Coefficients
+    blocks: BlockLists
+    coding: Coding
+
+
+class Points(NamedTuple):
+    """Truncation points, each with (n,) int64: where it is [byte]; and float64: the squared error until there."""
+    ends: Array
+    errors: Array
 
 
 class Band(NamedTuple):
@@ -121,7 +146,7 @@ class Band(NamedTuple):
 @specialised
 def _spread(work: Work, band: Band, place: int) -> None:
     """A coefficient became significant or was refined for the first time: it adds to its neighbours and children."""
-    activity, touched = work.activity, work.touched
+    activity, touched = work.coefficients.activity, work.blocks.touched
     here = uint64(place)
     up, down = here - uint64(band.stride), here + uint64(band.stride)
     activity[up - ONE] += 1
@@ -167,33 +192,35 @@ def _mark(marks: Array, at: int, progress: int) -> None:
 
 
 @specialised
-def _zeros(encoding: bool, near: bool, work: Work, plane: int, context: int, first: int, last: int, kept: int,
-           waiting: int, low: int, width: int, unknown: int) -> Tuple[int, int, int, int, int]:
+def _zeros(encoding: bool, near: bool, work: Work, band: Band, first: int, last: int, ends: Tuple[int, int],
+           interval: Interval) -> Tuple[int, int, int, int, int]:
     """Code the members from `first` on that stay insignificant, until one does not, or bytes are needed.
 
     Nine of ten symbols are coded here: in a loop with few variables, which all are in registers.
 
-    :param kept: where the live list ends; `waiting`: the quiet one
+    :param ends: of the live and of the quiet list
     :returns: how far it came, the new ends of the lists, and width; and 1: the next one becomes significant, END: the
         stream ends, or 0
     """
-    members, activity, odds = work.live if near else work.quiet, work.activity, work.odds
+    coefficients, activity, odds = work.coefficients, work.coefficients.activity, work.coding.odds
+    members, (kept, waiting), (low, width, unknown) = coefficients.live if near else coefficients.quiet, ends, interval
+    context, plane = band.odds + (NEAR_CONTEXT if near else FAR_CONTEXT), band.plane
     for i in range(first, last):
         place = members[i]
         active = int64(activity[uint64(place)])
         if near and active == 0:
-            work.quiet[uint64(waiting)] = place
+            coefficients.quiet[uint64(waiting)] = place
             waiting += 1
             continue
         at_odds = uint64(context + active)
         odd = int64(odds[at_odds])
         bound = bound_of(odd, width)
-        if (int64(work.values[uint64(place)]) >> (plane + 1)) & 1 if encoding else low >= bound:
+        if (int64(coefficients.values[uint64(place)]) >> (plane + 1)) & 1 if encoding else low >= bound:
             return i, kept, waiting, width, 1
         if not encoding and low + unknown > bound:
             return i, kept, waiting, bound, END
         odds[at_odds] = after_zero(odd)
-        work.live[uint64(kept)] = place
+        coefficients.live[uint64(kept)] = place
         kept += 1
         width = bound
         if width < LEAST:
@@ -202,34 +229,35 @@ def _zeros(encoding: bool, near: bool, work: Work, plane: int, context: int, fir
 
 
 @specialised
-def _sign(encoding: bool, sign: int, work: Work, place: int, stride: int, context: int, low: int, width: int,
-          unknown: int) -> Tuple[int, int, int]:
+def _sign(encoding: bool, sign: int, work: Work, band: Band, place: int, interval: Interval) -> Tuple[int, int, int]:
     """Code a sign: 1 of negative ones; the sign or END, and the new low and width."""
-    around = _sign_context(work.signs, place, stride)
-    flip, at_odds = 1 if around < 0 else 0, context + abs(around)
-    odd = int64(work.odds[at_odds])
+    odds, (low, width, unknown) = work.coding.odds, interval
+    around = _sign_context(work.coefficients.signs, place, band.stride)
+    flip, at_odds = 1 if around < 0 else 0, band.odds + SIGN_CONTEXT + abs(around)
+    odd = int64(odds[at_odds])
     symbol, low, width = decide(encoding, sign ^ flip, bound_of(odd, width), low, width, unknown)
-    work.odds[at_odds] = after_one(odd) if symbol > 0 else after_zero(odd)
+    odds[at_odds] = after_one(odd) if symbol > 0 else after_zero(odd)
     return symbol if symbol < 0 else symbol ^ flip, low, width
 
 
 @specialised
-def _significance(encoding: bool, near: bool, work: Work, band: Band, first: int, last: int, low: int, width: int,
-                  at: int) -> Tuple[int, int, int, int]:
+def _significance(encoding: bool, near: bool, work: Work, band: Band, first: int, last: int, state: State
+                  ) -> Tuple[int, State]:
     """The near pass over a part of the live list, or the far pass over a part of the quiet ones."""
-    values, odds, data, marks, counts = work.values, work.odds, work.data, work.marks, work.counts[band.number]
+    values, coding, (low, width, at) = work.coefficients.values, work.coding, state
+    odds, data, marks, counts = coding.odds, coding.data, coding.marks, coding.counts[band.number]
     ahead, plane = AHEAD if encoding else 0, band.plane
     context = band.odds + (NEAR_CONTEXT if near else FAR_CONTEXT)
     kept, waiting, end = band.start + counts[LIVE], band.start + counts[QUIET], band.start + counts[FOUND]
-    guess, gain, one = work.guesses[plane] * GUESS_UNIT, 0.0, 1 << plane
-    members = work.live if near else work.quiet
+    guess, gain, one = coding.guesses[plane] * GUESS_UNIT, 0.0, 1 << plane
+    members = work.coefficients.live if near else work.coefficients.quiet
     symbol, unknown, i = 0, unknown_of(data, at), first
     while i < last:
-        i, kept, waiting, width, symbol = _zeros(encoding, near, work, plane, context, i, last, kept, waiting, low,
-                                                 width, unknown)
+        i, kept, waiting, width, symbol = _zeros(encoding, near, work, band, i, last, (kept, waiting),
+                                                 (low, width, unknown))
         place = members[min(i, last - 1)]
         if symbol > 0:
-            at_odds = context + int64(work.activity[place])
+            at_odds = context + int64(work.coefficients.activity[place])
             odd = int64(odds[at_odds])
             _, low, width = decide(encoding, 1, bound_of(odd, width), low, width, unknown)
             odds[at_odds] = after_one(odd)
@@ -241,8 +269,8 @@ def _significance(encoding: bool, near: bool, work: Work, band: Band, first: int
             break
         if symbol == 0:
             continue
-        sign, low, width = _sign(encoding, values[place] & 1 if encoding else 0, work, place, band.stride,
-                                 band.odds + SIGN_CONTEXT, low, width, unknown)
+        sign, low, width = _sign(encoding, values[place] & 1 if encoding else 0, work, band, place,
+                                 (low, width, unknown))
         if width < LEAST:
             _mark(marks, at + ahead, end - band.start)
             low, width, at, unknown = refill(encoding, data, low, width, at)
@@ -253,24 +281,25 @@ def _significance(encoding: bool, near: bool, work: Work, band: Band, first: int
             magnitude = float(values[place] >> 1)
             rest = magnitude - one - guess
             gain += magnitude * magnitude - rest * rest
-        work.signs[place] = 1 - 2 * sign
-        work.found[end], work.known[end] = place, values[place] if encoding else 2 * one + sign
+        work.coefficients.signs[place] = 1 - 2 * sign
+        work.coefficients.found[end] = place
+        work.coefficients.known[end] = values[place] if encoding else 2 * one + sign
         end += 1
         _spread(work, band, place)
         i += 1
     counts[LIVE], counts[QUIET], counts[FOUND] = kept - band.start, waiting - band.start, end - band.start
-    work.error[0] -= band.weight * gain
-    return symbol, low, width, at
+    coding.error[0] -= band.weight * gain
+    return symbol, (low, width, at)
 
 
 @specialised
-def _refine(encoding: bool, work: Work, band: Band, first: int, last: int, low: int, width: int, at: int
-            ) -> Tuple[int, int, int, int]:
+def _refine(encoding: bool, work: Work, band: Band, first: int, last: int, state: State) -> Tuple[int, State]:
     """One more bit of a part of the significant coefficients."""
-    activity, odds, data, found, values = work.activity, work.odds, work.data, work.found, work.known
-    marks, ahead = work.marks, AHEAD if encoding else 0
+    activity, found, values = work.coefficients.activity, work.coefficients.found, work.coefficients.known
+    odds, data, marks, guesses = work.coding.odds, work.coding.data, work.coding.marks, work.coding.guesses
+    ahead, (low, width, at) = AHEAD if encoding else 0, state
     plane, context = band.plane, band.odds + REFINEMENT_CONTEXT
-    before, after = work.guesses[plane + 1] * GUESS_UNIT, work.guesses[plane] * GUESS_UNIT
+    before, after = guesses[plane + 1] * GUESS_UNIT, guesses[plane] * GUESS_UNIT
     gain = 0.0
     symbol, unknown = 0, unknown_of(data, at)
     for i in range(first, last):
@@ -301,9 +330,9 @@ def _refine(encoding: bool, work: Work, band: Band, first: int, last: int, low: 
             gain += old * old - new * new
         else:
             values[i] = value | symbol << (plane + 1)
-    work.error[0] -= band.weight * gain
-    work.counts[band.number, REFINED] = last - band.start
-    return symbol, low, width, at
+    work.coding.error[0] -= band.weight * gain
+    work.coding.counts[band.number, REFINED] = last - band.start
+    return symbol, (low, width, at)
 
 
 @borrowing
@@ -320,7 +349,7 @@ def _united(values: Array, cell: int, shape: int, stride: int) -> int:
 @specialised
 def _block_context(work: Work, place: int, along: int, parent: int, stride: int) -> int:
     """From the four blocks beside it, and from its parents."""
-    alive, activity, here = work.alive, work.activity, uint64(place)
+    alive, activity, here = work.blocks.alive, work.coefficients.activity, uint64(place)
     context = (int64(alive[here - ONE]) + int64(alive[here + ONE]) + int64(alive[here - uint64(along)])
                + int64(alive[here + uint64(along)]))
     if parent >= 0:
@@ -331,26 +360,27 @@ def _block_context(work: Work, place: int, along: int, parent: int, stride: int)
 
 
 @specialised
-def _closed(encoding: bool, work: Work, band: Band, first: int, last: int, kept: int, low: int, width: int,
-            unknown: int) -> Tuple[int, int, int, int, int]:
+def _closed(encoding: bool, work: Work, band: Band, first: int, last: int, kept: int, interval: Interval
+            ) -> Tuple[int, int, int, int, int]:
     """Code the blocks from `first` on that stay closed, until one does not, or bytes are needed.
 
     :param kept: where the list of closed blocks ends
     :returns: how far it came, the new end of the list, and width; 1: a symbol opens the next one, 2: its activity does,
         END: the stream ends, or 0; and the context of the symbol
     """
-    closed, blocks, odds, plane, stride = work.closed, work.blocks, work.odds, band.plane, band.stride
+    closed, table, odds, (low, width, unknown) = work.blocks.closed, work.blocks.table, work.coding.odds, interval
+    plane, stride = band.plane, band.stride
     for i in range(first, last):
         block = 4 * int64(closed[uint64(i)])
-        place = int64(blocks[uint64(block + PLACE)])
-        if work.touched[uint64(place)]:
+        place = int64(table[uint64(block + PLACE)])
+        if work.blocks.touched[uint64(place)]:
             return i, kept, width, 2, 0
         at_odds = band.odds + BLOCK_CONTEXT + _block_context(work, place, band.map_stride,
-                                                             int64(blocks[uint64(block + PARENT)]), stride)
+                                                             int64(table[uint64(block + PARENT)]), stride)
         odd = int64(odds[uint64(at_odds)])
         bound = bound_of(odd, width)
-        if (_united(work.values, int64(blocks[uint64(block + CELL)]), int64(blocks[uint64(block + SHAPE)]), stride)
-                >> (plane + 1) if encoding else low >= bound):
+        if (_united(work.coefficients.values, int64(table[uint64(block + CELL)]),
+                    int64(table[uint64(block + SHAPE)]), stride) >> (plane + 1) if encoding else low >= bound):
             return i, kept, width, 1, at_odds
         if not encoding and low + unknown > bound:
             return i, kept, bound, END, 0
@@ -366,25 +396,26 @@ def _closed(encoding: bool, work: Work, band: Band, first: int, last: int, kept:
 @borrowing
 def _open(work: Work, block: int, waiting: int, stride: int) -> int:
     """Put the coefficients of a block into the quiet list, whose new end is returned."""
-    work.alive[uint64(work.blocks[uint64(block + PLACE)])] = 1
-    shape = int64(work.blocks[uint64(block + SHAPE)])
+    table = work.blocks.table
+    work.blocks.alive[uint64(table[uint64(block + PLACE)])] = 1
+    shape = int64(table[uint64(block + SHAPE)])
     for y in range(shape >> 3):
-        first = work.blocks[uint64(block + CELL)] + y * stride
+        first = table[uint64(block + CELL)] + y * stride
         for x in range(first, first + (shape & 7)):
-            work.quiet[uint64(waiting)] = x
+            work.coefficients.quiet[uint64(waiting)] = x
             waiting += 1
     return waiting
 
 
 @specialised
-def _blocks(encoding: bool, work: Work, band: Band, first: int, last: int, low: int, width: int, at: int
-            ) -> Tuple[int, int, int, int]:
+def _blocks(encoding: bool, work: Work, band: Band, first: int, last: int, state: State) -> Tuple[int, State]:
     """The far pass over a part of the blocks; those that are opened go to the quiet list, to be coded next."""
-    odds, data, counts = work.odds, work.data, work.counts[band.number]
-    kept, waiting = work.firsts[band.number] + counts[BLOCKS], band.start + counts[QUIET]
+    odds, data, counts = work.coding.odds, work.coding.data, work.coding.counts[band.number]
+    low, width, at = state
+    kept, waiting = work.blocks.firsts[band.number] + counts[BLOCKS], band.start + counts[QUIET]
     symbol, unknown, i = 0, unknown_of(data, at), first
     while i < last:
-        i, kept, width, symbol, at_odds = _closed(encoding, work, band, i, last, kept, low, width, unknown)
+        i, kept, width, symbol, at_odds = _closed(encoding, work, band, i, last, kept, (low, width, unknown))
         if symbol == 1:
             odd = int64(odds[at_odds])
             _, low, width = decide(encoding, 1, bound_of(odd, width), low, width, unknown)
@@ -395,34 +426,31 @@ def _blocks(encoding: bool, work: Work, band: Band, first: int, last: int, low: 
             symbol = END
             break
         if symbol > 0:
-            waiting = _open(work, 4 * int64(work.closed[i]), waiting, band.stride)
+            waiting = _open(work, 4 * int64(work.blocks.closed[i]), waiting, band.stride)
             i += 1
-    counts[BLOCKS], counts[QUIET] = kept - work.firsts[band.number], waiting - band.start
-    return symbol, low, width, at
+    counts[BLOCKS], counts[QUIET] = kept - work.blocks.firsts[band.number], waiting - band.start
+    return symbol, (low, width, at)
 
 
 @specialised
-def _part(encoding: bool, kind: int, work: Work, band: Band, first: int, last: int, low: int, width: int,
-          at: int) -> Tuple[int, int, int, int]:
+def _part(encoding: bool, kind: int, work: Work, band: Band, first: int, last: int, state: State) -> Tuple[int, State]:
     if kind == REFINEMENT:
-        return _refine(encoding, work, band, first, last, low, width, at)
+        return _refine(encoding, work, band, first, last, state)
     if kind == BLOCKS_PASS:
-        return _blocks(encoding, work, band, first, last, low, width, at)
+        return _blocks(encoding, work, band, first, last, state)
     if kind == NEAR:
-        return _significance(encoding, True, work, band, first, last, low, width, at)
-    return _significance(encoding, False, work, band, first, last, low, width, at)
+        return _significance(encoding, True, work, band, first, last, state)
+    return _significance(encoding, False, work, band, first, last, state)
 
 
 @borrowing
-def _encode_part(kind: int, work: Work, band: Band, first: int, last: int, low: int, width: int, at: int
-                 ) -> Tuple[int, int, int, int]:
-    return _part(True, kind, work, band, first, last, low, width, at)
+def _encode_part(kind: int, work: Work, band: Band, first: int, last: int, state: State) -> Tuple[int, State]:
+    return _part(True, kind, work, band, first, last, state)
 
 
 @borrowing
-def _decode_part(kind: int, work: Work, band: Band, first: int, last: int, low: int, width: int, at: int
-                 ) -> Tuple[int, int, int, int]:
-    return _part(False, kind, work, band, first, last, low, width, at)
+def _decode_part(kind: int, work: Work, band: Band, first: int, last: int, state: State) -> Tuple[int, State]:
+    return _part(False, kind, work, band, first, last, state)
 
 
 @borrowing
@@ -446,24 +474,28 @@ def _begin_pass(entry: Array, at: int, band: Band, kind: int) -> None:
 
 
 @borrowing
-def _record(work: Work, ends: Array, errors: Array, count: int, at: int) -> int:
+def _record(work: Work, points: Points, count: int, at: int) -> int:
     """Note a truncation point, unless the last one is near; how many there are."""
-    end = at + AHEAD
+    ends, end = points.ends, at + AHEAD
     if end >= ends[count - 1] + 16 and count < len(ends) - 1:
         ends[count] = end
-        errors[count] = max(work.error[0], 0.0)
+        points.errors[count] = max(work.coding.error[0], 0.0)
         count += 1
     return count
 
 
 @borrowing
-def _pass(encoding: bool, work: Work, band: Band, kind: int, part: int, ends: Array, errors: Array,
-          points: int, low: int, width: int, at: int) -> Tuple[int, int, int, int, int]:
-    """One pass of a plane of a band, in parts, each with a truncation point at its end."""
-    counts = work.counts[band.number]
+def _pass(encoding: bool, work: Work, band: Band, kind: int, part: int, points: Points, count: int, state: State
+          ) -> Tuple[int, int, State]:
+    """One pass of a plane of a band, in parts, each with a truncation point at its end.
+
+    :param count: number of truncation points until now
+    :returns: 0 or END, their new number, and the coder's state
+    """
+    counts = work.coding.counts[band.number]
     symbol, start = 0, band.start
     if kind == BLOCKS_PASS:
-        start = work.firsts[band.number]
+        start = work.blocks.firsts[band.number]
         last = start + counts[BLOCKS]
         counts[BLOCKS], counts[QUIET] = 0, 0
     elif kind == NEAR:
@@ -476,49 +508,57 @@ def _pass(encoding: bool, work: Work, band: Band, kind: int, part: int, ends: Ar
     for first in range(start, last, part):
         end = min(first + part, last)
         if encoding:
-            symbol, low, width, at = _encode_part(kind, work, band, first, end, low, width, at)
+            symbol, state = _encode_part(kind, work, band, first, end, state)
         else:
-            symbol, low, width, at = _decode_part(kind, work, band, first, end, low, width, at)
+            symbol, state = _decode_part(kind, work, band, first, end, state)
         if symbol < 0:
             break
         if encoding:
-            points = _record(work, ends, errors, points, at)
-    return symbol, points, low, width, at
+            count = _record(work, points, count, state[2])
+    return symbol, count, state
 
 
-def code_planes(encoding: bool, work: Work, bands: Array, weights: Array, steps: Array, stride: int, planes: int,
-                part: int, ends: Array, errors: Array, low: int, width: int, at: int
-                ) -> Tuple[int, int, int, int, int, int]:
+def code_planes(encoding: bool, work: Work, layout: Layout, planes: int, part: int, points: Points, state: State
+                ) -> Tuple[int, bool, int, State]:
     """All passes of an image, until the stream or the encoder's room ends.
 
+    :param planes: that are not empty
+    :param part: coefficients from a truncation point to the next one, at most
+    :param points: are written by the encoder, but for the first one, where the passes begin
     :returns: the number of truncation points, whether all passes are complete, the length of the log, and the coder's
         state
     """
-    return _code_planes(encoding, bands, weights, steps, stride, planes, part, ends, errors, low, width, at, *work)
+    return _code_planes(encoding, (layout.stride, planes, part), points, state, layout.bands, layout.weights,
+                        layout.steps, *work.coefficients, *work.blocks, *work.coding)
 
 
 @borrowing
-def _code_planes(encoding: bool, bands: Array, weights: Array, steps: Array, stride: int, planes: int, part: int,
-                 ends: Array, errors: Array, low: int, width: int, at: int, values: Array, activity: Array,
-                 signs: Array, live: Array, quiet: Array, found: Array, known: Array, closed: Array, blocks: Array,
-                 firsts: Array, alive: Array, touched: Array, counts: Array, odds: Array, error: Array, guesses: Array,
-                 data: Array, log: Array, marks: Array) -> Tuple[int, int, int, int, int, int]:
+def _code_planes(   # noqa: PLR0913  (see below)
+        encoding: bool, sizes: Tuple[int, int, int], points: Points, state: State, bands: Array, weights: Array,
+        steps: Array, values: Array, activity: Array, signs: Array, live: Array, quiet: Array, found: Array,
+        known: Array, closed: Array, table: Array, firsts: Array, alive: Array, touched: Array, counts: Array,
+        odds: Array, error: Array, guesses: Array, data: Array, log: Array, marks: Array
+        ) -> Tuple[int, bool, int, State]:
     """As code_planes, with the arrays of Work one by one.
 
     numba 0.56 caches the types of arguments by a fingerprint, and that of a tuple is wrong where it is longer than 40
-    bytes: each call would add an entry to the cache.
+    bytes, as that of five arrays: each call would add an entry to the cache.
+
+    :param sizes: the canvas' stride, and its `planes` and `part`
     """
-    work = Work(values, activity, signs, live, quiet, found, known, closed, blocks, firsts, alive, touched, counts,
-                odds, error, guesses, data, log, marks)
-    points, symbol, logged = 1, 0, 0
+    coefficients = Coefficients(values, activity, signs, live, quiet, found, known)
+    work = Work(coefficients, BlockLists(closed, table, firsts, alive, touched),
+                Coding(counts, odds, error, guesses, data, log, marks))
+    stride, planes, part = sizes
+    count, symbol, logged = 1, 0, 0
     for step in range(len(steps)):
         number, plane, kind = steps[step, 0], steps[step, 1], steps[step, 2]
         own = counts[number]
         if plane >= planes or (kind != NEAR and not own[ALIVE]):
             continue
         if not own[ALIVE]:
-            symbol, low, width, at = code(encoding, data, odds, number * CONTEXTS + BAND_CONTEXT,
-                                          1 if own[TOP] > plane else 0, low, width, at)
+            symbol, state = code(encoding, data, odds, number * CONTEXTS + BAND_CONTEXT, 1 if own[TOP] > plane else 0,
+                                 state)
             if symbol < 0:
                 break
             if symbol == 0:
@@ -527,13 +567,12 @@ def _code_planes(encoding: bool, bands: Array, weights: Array, steps: Array, str
         band = _band(bands, weights, number, plane, stride)
         for turn in range(3 if kind == FAR else 1):     # the blocks between two far passes
             one = BLOCKS_PASS if turn == 1 else kind
-            _begin_pass(log[logged], at + (AHEAD if encoding else 0), band, one)
-            symbol, points, low, width, at = _pass(encoding, work, band, one, part, ends, errors,
-                                                   points, low, width, at)
+            _begin_pass(log[logged], state[2] + (AHEAD if encoding else 0), band, one)
+            symbol, count, state = _pass(encoding, work, band, one, part, points, count, state)
             log[logged, LOG_FOUND] = own[FOUND]
             logged += 1
             if symbol < 0:
                 break
         if symbol < 0:
             break
-    return points, 0 if symbol < 0 else 1, logged, low, width, at
+    return count, symbol >= 0, logged, state

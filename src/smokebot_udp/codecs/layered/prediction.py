@@ -17,8 +17,8 @@ import numpy as np
 from ...arrays import Array, UInt8Array
 from . import noise_choice, shrinking
 from .layout import COLUMNS, ORIGIN, ROWS, SIDE, STEP, STEP_BITS, Layout
-from .loops import compiled, float32, int32, int64, uint64
-from .range_coder import code
+from .loops import borrowing, compiled, float32, int32, int64, uint64
+from .range_coder import State, code
 from .shrinking import FAINTEST, NONE, PLAIN, STRONGEST
 
 LEAST_GAIN = 8.0
@@ -130,21 +130,27 @@ def predicted(reference: Array, plan: Layout, prediction: Prediction) -> Array:
     return canvas
 
 
-@compiled
-def _flag_context(flags: Array, first: int, y: int, x: int, wide: int, parents: int, high: int, parents_wide: int
-                  ) -> int:
-    """From the flags on the left and above, and from the one of the same place in the next coarser band; 2: none."""
-    left = int64(flags[first + y * wide + x - 1]) if x > 0 else 2
-    above = int64(flags[first + (y - 1) * wide + x]) if y > 0 else 2
-    parent = 2
+@borrowing
+def _flag_context(flags: Array, number: int, own: Tuple[int, int, int], parent: Tuple[int, int, int]) -> int:
+    """From the flags on the left and above, and from the one of the same place in the next coarser band; 2: none.
+
+    :param number: of the flag in its band
+    :param own: see _flags_of
+    :param parent: likewise, of the next coarser band
+    """
+    first, _, wide = own
+    y, x = number // wide, number % wide
+    left = int64(flags[first + number - 1]) if x > 0 else 2
+    above = int64(flags[first + number - wide]) if y > 0 else 2
+    coarser, (parents, end, parents_wide) = 2, parent
     if parents >= 0:
-        parent = int64(flags[parents + min(y >> 1, high - 1) * parents_wide + min(x >> 1, parents_wide - 1)])
-    return 9 * left + 3 * above + parent
+        high = (end - parents) // parents_wide
+        coarser = int64(flags[parents + min(y >> 1, high - 1) * parents_wide + min(x >> 1, parents_wide - 1)])
+    return 9 * left + 3 * above + coarser
 
 
-@compiled
-def _code_noise(encoding: bool, noise: int, before: int, data: Array, odds: Array, low: int, width: int, at: int
-                ) -> Tuple[int, int, int, int]:
+@borrowing
+def _code_noise(encoding: bool, noise: int, before: int, data: Array, odds: Array, state: State) -> Tuple[int, State]:
     """The number of a band's noise, or END, and the coder's state.
 
     :param before: the number of the last band that has noise
@@ -153,76 +159,88 @@ def _code_noise(encoding: bool, noise: int, before: int, data: Array, odds: Arra
     values = NONE, PLAIN, before
     for question in range(4):
         context = NOISE_CONTEXT + question
-        symbol, low, width, at = code(encoding, data, odds, context, int64(symbols[question]), low, width, at)
+        symbol, state = code(encoding, data, odds, context, int64(symbols[question]), state)
         if symbol < 0 or symbol == 0 and question < 3:
-            return -1 if symbol < 0 else values[question], low, width, at
+            return -1 if symbol < 0 else values[question], state
     step, end = (-1, FAINTEST) if symbol else (1, STRONGEST)
     value = before
     while value != end:
         value += step
-        more, low, width, at = code(encoding, data, odds, STEP_CONTEXT + min(abs(value - before), STEP_CONTEXTS) - 1,
-                                    1 if value != noise else 0, low, width, at)
+        more, state = code(encoding, data, odds, STEP_CONTEXT + min(abs(value - before), STEP_CONTEXTS) - 1,
+                           1 if value != noise else 0, state)
         if more <= 0:
-            return -1 if more < 0 else value, low, width, at
-    return -1, low, width, at       # there is no such number
+            return -1 if more < 0 else value, state
+    return -1, state        # there is no such number
 
 
-@compiled
-def _code_flags(encoding: bool, number: int, parent: int, bands: Array, firsts: Array, flags: Array, data: Array,
-                odds: Array, low: int, width: int, at: int) -> Tuple[int, int, int, int]:
-    """The flags of a band: whether all are 1, else each; END in place of 0 where the stream or the room ends."""
-    first, end = firsts[number], firsts[number + 1]
+@borrowing
+def _flags_of(number: int, bands: Array, firsts: Array) -> Tuple[int, int, int]:
+    """Where the flags of a band begin and end, and how many are in a row; (-1, 0, 1) of -1: no band."""
+    if number < 0:
+        return int64(-1), int64(0), int64(1)
+    return firsts[number], firsts[number + 1], (bands[number, COLUMNS] + SIDE - 1) // SIDE
+
+
+@borrowing
+def _code_flags(encoding: bool, own: Tuple[int, int, int], parent: Tuple[int, int, int], flags: Array, data: Array,
+                odds: Array, state: State) -> Tuple[int, State]:
+    """The flags of a band: whether all are 1, else each; END in place of 0 where the stream or the room ends.
+
+    :param own: see _flags_of
+    :param parent: likewise, of the next coarser band
+    """
+    first, end, wide = own
     other = 0
     if encoding:
         for i in range(first, end):
             other |= 1 - flags[i]
-    other, low, width, at = code(encoding, data, odds, PLAIN_CONTEXT, other, low, width, at)
+    other, state = code(encoding, data, odds, PLAIN_CONTEXT, other, state)
     if other <= 0:
         flags[first:end] = 1
-        return other, low, width, at
-    wide, parents, high, parents_wide = (bands[number, COLUMNS] + SIDE - 1) // SIDE, int64(-1), int64(1), int64(1)
-    if parent >= 0:
-        parents, parents_wide = firsts[parent], (bands[parent, COLUMNS] + SIDE - 1) // SIDE
-        high = (firsts[parent + 1] - parents) // parents_wide
+        return other, state
     for i in range(first, end):
-        y, x = (i - first) // wide, (i - first) % wide
-        context = _flag_context(flags, first, y, x, wide, parents, high, parents_wide)
-        flag, low, width, at = code(encoding, data, odds, context, int64(flags[i]), low, width, at)
+        context = _flag_context(flags, i - first, own, parent)
+        flag, state = code(encoding, data, odds, context, int64(flags[i]), state)
         if flag < 0:
-            return -1, low, width, at
+            return -1, state
         flags[i] = flag
-    return 0, low, width, at
+    return 0, state
 
 
-@compiled
-def _code(encoding: bool, bands: Array, firsts: Array, in_channel: int, noises: Array, flags: Array, data: Array,
-          odds: Array, low: int, width: int, at: int) -> Tuple[bool, int, int, int]:
+@borrowing
+def _code(encoding: bool, bands: Array, firsts: Array, in_channel: int, prediction: Prediction, data: Array,
+          odds: Array, state: State) -> Tuple[bool, State]:
+    """As code_prediction.
+
+    :param in_channel: number of bands of a channel
+    """
+    noises, flags = prediction
     before = BEGINNING
     for number in range(len(bands)):
-        noise, low, width, at = _code_noise(encoding, noises[number], before, data, odds, low, width, at)
+        noise, state = _code_noise(encoding, noises[number], before, data, odds, state)
         if noise < 0:
-            return False, low, width, at
+            return False, state
         noises[number] = noise
         if noise == NONE:
             continue
         if noise > PLAIN:
             before = noise
         parent = number - 3 if number % in_channel >= 4 and noises[number - 3] else -1
-        end, low, width, at = _code_flags(encoding, number, parent, bands, firsts, flags, data, odds, low, width, at)
+        end, state = _code_flags(encoding, _flags_of(number, bands, firsts), _flags_of(parent, bands, firsts), flags,
+                                 data, odds, state)
         if end < 0:
-            return False, low, width, at
-    return True, low, width, at
+            return False, state
+    return True, state
 
 
-def code_prediction(encoding: bool, prediction: Prediction, plan: Layout, data: UInt8Array, low: int, width: int,
-                    at: int) -> Tuple[bool, int, int, int]:
+def code_prediction(encoding: bool, prediction: Prediction, plan: Layout, data: UInt8Array, state: State
+                    ) -> Tuple[bool, State]:
     """Code the noises and flags; whether all of them are coded, and the coder's state.
 
     :param prediction: is written when decoding
     """
     odds = np.full(CONTEXTS, 1 << 31 | 1 << 15, np.uint32)
-    return _code(encoding, plan.bands, plan.flag_firsts, 1 + 3 * plan.levels, prediction.noises, prediction.flags,
-                 data, odds, low, width, at)
+    return _code(encoding, plan.bands, plan.flag_firsts, 1 + 3 * plan.levels, prediction, data, odds, state)
 
 
 def nothing(plan: Layout) -> Prediction:

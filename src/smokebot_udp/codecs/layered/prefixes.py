@@ -44,17 +44,17 @@ class Prefixes(NamedTuple):
     length: int
     """Length of the stream [byte]. Bytes beyond it are ignored."""
     log: Array
-    """(passes, 5) int32, see passes.Work"""
+    """(passes, 5) int32, see passes.Coding"""
     marks: Array
-    """(m,) int32, see passes.Work"""
+    """(m,) int32, see passes.Coding"""
     counts: Array
-    """(bands, 9) int64: in the end, see passes.Work"""
+    """(bands, 9) int64: in the end, see passes.Coding"""
     firsts: IntArray
     """(bands + 1,) where the coefficients of each band begin in the next two"""
     places: Array
     """(f,) int32: significant coefficients, in the order in which they became so"""
     values: Array
-    """(f,) int32: the values of these coefficients, see passes.Work"""
+    """(f,) int32: the values of these coefficients, see passes.Coefficients"""
     predicted: Optional[Predicted]
     """None: it has no reference"""
 
@@ -113,14 +113,15 @@ def prefixes_of(plan: Layout, work: Work, logged: int, offset: int, itemsize: in
 
     :param logged: length of the log
     """
-    firsts = np.concatenate([[0], np.cumsum(work.counts[:, FOUND])])
+    coding = work.coding
+    firsts = np.concatenate([[0], np.cumsum(coding.counts[:, FOUND])])
     places, values = np.empty(firsts[-1], np.int32), np.empty(firsts[-1], np.int32)
     starts = np.ascontiguousarray(plan.bands[:, START])
-    _gather(starts, firsts, work.found, places)
-    _gather(starts, firsts, work.known, values)
+    _gather(starts, firsts, work.coefficients.found, places)
+    _gather(starts, firsts, work.coefficients.known, values)
     if predicted is not None and plan.cells > KEPT:
         predicted = predicted._replace(canvas=None)
     # the encoder's marks are for all the bytes that it may write
-    marks = work.marks[:length // 2 + 2].copy()
-    return Prefixes(plan, offset, itemsize, begun, length, work.log[:logged].copy(), marks, work.counts, firsts, places,
-                    values, predicted)
+    marks = coding.marks[:length // 2 + 2].copy()
+    return Prefixes(plan, offset, itemsize, begun, length, coding.log[:logged].copy(), marks, coding.counts, firsts,
+                    places, values, predicted)

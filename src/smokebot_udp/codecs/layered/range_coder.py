@@ -118,31 +118,33 @@ def unknown_of(data: Array, at: int) -> int:
 
 
 @borrowing
-def refilled(encoding: bool, data: Array, symbol: int, low: int, width: int, at: int) -> Tuple[int, int, int, int]:
+def refilled(encoding: bool, data: Array, symbol: int, state: State) -> Tuple[int, State]:
     """After a symbol: the symbol, END where the encoder has no room, and the state."""
+    low, width, at = state
     if width < LEAST:
         low, width, at, unknown = refill(encoding, data, low, width, at)
         if unknown == 0:
             symbol = END
-    return symbol, low, width, at
+    return symbol, (low, width, at)
 
 
 @borrowing
-def code(encoding: bool, data: Array, odds: Array, context: int, symbol: int, low: int, width: int, at: int
-         ) -> Tuple[int, int, int, int]:
+def code(encoding: bool, data: Array, odds: Array, context: int, symbol: int, state: State) -> Tuple[int, State]:
     """Code one symbol, all in one; END also where the encoder has no room.
 
     :param odds: (contexts,) uint32
     """
+    low, width, at = state
     odd = int64(odds[context])
     symbol, low, width = decide(encoding, symbol, bound_of(odd, width), low, width, unknown_of(data, at))
     odds[context] = after_one(odd) if symbol > 0 else after_zero(odd)
-    return refilled(encoding, data, symbol, low, width, at)
+    return refilled(encoding, data, symbol, (low, width, at))
 
 
 @borrowing
-def finish(data: Array, low: int, width: int, at: int) -> int:
+def finish(data: Array, state: State) -> int:
     """Write the fewest bytes that determine all symbols; the end of the stream."""
+    low, width, at = state
     for missing in range(7):
         granule = FULL >> 8 * missing
         value = (low + granule - 1) // granule * granule

@@ -202,9 +202,10 @@ def _store(ring: Array, at: int, count: int, shift: int, fraction: int, most: in
 
 
 @compiled
-def _copy_halves(even: Array, odd: Array, columns: int, y: int, low: Array, canvas: Array, bands: Array, stride: int,
-                 store: bool) -> None:
-    """Store the halves of row y, or load them."""
+def _copy_halves(halves: Tuple[Array, Array], columns: int, y: int, low: Array, canvas: Array, bands: Array,
+                 stride: int, store: bool) -> None:
+    """Store the halves of row y, even and odd, or load them."""
+    even, odd = halves
     lows, highs, at = uint64((columns + 1) // 2), uint64(columns // 2), y // 2 * stride
     low_at = uint64(bands[LH, ORIGIN] + at if y % 2 else y // 2 * ((columns + 1) // 2))
     high_at = uint64(bands[HH if y % 2 else HL, ORIGIN] + at)
@@ -225,20 +226,21 @@ def _buffers(columns: int) -> Tuple[Array, Array, Array]:
 
 
 @compiled
-def split(source: Array, size: Tuple[int, int], offset: int, fraction: int, steps: Array, low: Array, canvas: Array,
+def split(source: Array, size: Tuple[int, int], scale: Tuple[int, int], steps: Array, low: Array, canvas: Array,
           bands: Array, stride: int) -> None:
     """One level, in one sweep: each row is lifted while it is in the processor's cache.
 
     The compiler makes vectors of the loops over the samples of a row, because they are functions of their own, whose
     indexes are known not to be negative: numba counts negative ones from the end.
 
-    :param source: (rows * columns,) int32 or pixels, see `scaled`
+    :param source: (rows * columns,) int32 or pixels
     :param size: rows and columns
+    :param scale: offset and fraction, see `scaled`
     :param low: (ceil(rows / 2) * ceil(columns / 2),) int32, becomes LL
     :param canvas: (cells,) int32: the others are stored there
     :param bands: (3, ...) int64: of HL, LH and HH, see layout.Layout
     """
-    rows, columns = size
+    (rows, columns), (offset, fraction) = size, scale
     ring, even, odd = _buffers(columns)
     flat, pitch, count, begun, done = ring.reshape(-1), uint64(ring.shape[1]), uint64(columns), 0, 0
     for y in range(1, rows + len(steps) + 1, 2):
@@ -251,7 +253,7 @@ def split(source: Array, size: Tuple[int, int], offset: int, fraction: int, step
         while done < min(y - len(steps) + 1, rows):
             _separate(flat, uint64(done % RING) * pitch, count, even, odd)
             _lift_row(even, odd, columns, steps)
-            _copy_halves(even, odd, columns, done, low, canvas, bands, stride, True)
+            _copy_halves((even, odd), columns, done, low, canvas, bands, stride, True)
             done += 1
 
 
@@ -270,7 +272,7 @@ def join(low: Array, canvas: Array, bands: Array, stride: int, steps: Array, rou
     flat, pitch, count, begun, done = ring.reshape(-1), uint64(ring.shape[1]), uint64(columns), 0, 0
     for y in range(0, rows + len(steps), 2):
         while begun < min(y + 2, rows):
-            _copy_halves(even, odd, columns, begun, low, canvas, bands, stride, False)
+            _copy_halves((even, odd), columns, begun, low, canvas, bands, stride, False)
             _lift_row(even, odd, columns, steps)
             _interleave(even, odd, flat, uint64(begun % RING) * pitch, count)
             begun += 1

@@ -8,10 +8,10 @@ its neighbours.
 from typing import Tuple
 
 from ...arrays import Array, UInt8Array
-from ..layered.loops import compiled, int64
-from ..layered.range_coder import begin, finish
+from ..layered.loops import borrowing, compiled, int64
+from ..layered.range_coder import State, begin, finish
 from .chances import code_ordered, code_single, unused
-from .graded import BROKEN, NONE, code_error, code_ranked, empty_memory, places_of, remember
+from .graded import BROKEN, NONE, Learnt, code_error, code_ranked, empty_memory, places_of, remember
 from .neighbours import (
     CLEARS,
     CONTEXTS,
@@ -34,118 +34,111 @@ from .neighbours import (
 )
 
 
-@compiled
-def _code_run(encoding: bool, data: Array, chances: Array, cells: Array, y: int, x: int, length: int, low: int,
-              width: int, at: int) -> Tuple[int, int, int, int]:
+@borrowing
+def _code_run(encoding: bool, data: Array, chances: Array, cells: Array, y: int, x: int, length: int, state: State
+              ) -> Tuple[int, State]:
     """Code how many of `length` cells from (y, x) on are like the one before; or BROKEN."""
     value, same = cells[y, x - 1], 0
     if encoding:
         while same < length and cells[y, x + same] == value:
             same += 1
     context = RUN + (class_of(value) << 4 | min(log2(length), 15))
-    symbol, low, width, at = code_single(encoding, data, chances, context, 1 if same < length else 0, low, width, at)
+    symbol, state = code_single(encoding, data, chances, context, 1 if same < length else 0, state)
     if symbol <= 0:
-        return length if symbol == 0 else BROKEN, low, width, at
+        return length if symbol == 0 else BROKEN, state
     first, last = 0, length         # the first one that differs is in first..last - 1
     while last - first > 1:
         middle = (first + last) >> 1
-        symbol, low, width, at = code_single(encoding, data, chances, HALF + min(log2(last - first), 15),
-                                             1 if same >= middle else 0, low, width, at)
+        symbol, state = code_single(encoding, data, chances, HALF + min(log2(last - first), 15),
+                                    1 if same >= middle else 0, state)
         if symbol < 0:
-            return BROKEN, low, width, at
+            return BROKEN, state
         if symbol:
             first = middle
         else:
             last = middle
-    return first, low, width, at
+    return first, state
 
 
-@compiled
-def _code_turn(encoding: bool, data: Array, chances: Array, cells: Array, y: int, x: int, context: int, kind: int,
-               west: int, low: int, width: int, at: int) -> Tuple[int, int, int, int]:
+@borrowing
+def _code_turn(encoding: bool, data: Array, chances: Array, context: int, kind: int, west: int, state: State
+               ) -> Tuple[int, State]:
     """Code a cell that is not graded and of another class than `west`, or BROKEN."""
     if west == GRADED:
-        symbol, low, width, at = code_ordered(encoding, data, chances, CLEARS, context, 1 if kind == FREE else 0, low,
-                                              width, at)
+        symbol, state = code_ordered(encoding, data, chances, CLEARS, context, 1 if kind == FREE else 0, state)
         if symbol:
-            return 0 if symbol > 0 else BROKEN, low, width, at
+            return 0 if symbol > 0 else BROKEN, state
         west = FREE
-    symbol, low, width, at = code_ordered(encoding, data, chances, TURNS, context, 1 if kind == (west + 1) % 3 else 0,
-                                          low, width, at)
+    symbol, state = code_ordered(encoding, data, chances, TURNS, context, 1 if kind == (west + 1) % 3 else 0, state)
     if symbol < 0:
-        return BROKEN, low, width, at
-    return value_of((west + 1) % 3 if symbol else (west + 2) % 3), low, width, at
+        return BROKEN, state
+    return value_of((west + 1) % 3 if symbol else (west + 2) % 3), state
 
 
-@compiled
-def _code_compared(encoding: bool, data: Array, chances: Array, graded: bool, cells: Array, y: int, x: int,
-                   differs: bool, low: int, width: int, at: int) -> Tuple[int, int, int, int]:
+@borrowing
+def _code_compared(encoding: bool, data: Array, learnt: Learnt, cells: Array, y: int, x: int, differs: bool,
+                   state: State) -> Tuple[int, State]:
     """Code a cell by comparison with its western neighbour, or BROKEN.
 
     :param differs: whether it is known to differ from it
     """
+    chances = learnt.chances
     context, west = context_of(cells, y, x), cells[y, x - 1]
     if not differs:
-        symbol, low, width, at = code_ordered(encoding, data, chances, DIFFERS, context,
-                                              1 if cells[y, x] != west else 0, low, width, at)
+        symbol, state = code_ordered(encoding, data, chances, DIFFERS, context, 1 if cells[y, x] != west else 0, state)
         if symbol <= 0:
-            return int64(west) if symbol == 0 else BROKEN, low, width, at
+            return int64(west) if symbol == 0 else BROKEN, state
     kind = class_of(cells[y, x]) if encoding else FREE
-    if graded:
-        symbol, low, width, at = code_ordered(encoding, data, chances, GRADES, context, 1 if kind == GRADED else 0, low,
-                                              width, at)
+    if learnt.is_graded:
+        symbol, state = code_ordered(encoding, data, chances, GRADES, context, 1 if kind == GRADED else 0, state)
         if symbol < 0:
-            return BROKEN, low, width, at
+            return BROKEN, state
         if symbol:
-            return code_error(encoding, data, chances, cells, y, x, low, width, at)
-    return _code_turn(encoding, data, chances, cells, y, x, context, kind, class_of(west), low, width, at)
+            return code_error(encoding, data, chances, cells, y, x, state)
+    return _code_turn(encoding, data, chances, context, kind, class_of(west), state)
 
 
-@compiled
-def _code_cell(encoding: bool, data: Array, chances: Array, memory: Array, graded: bool, cells: Array, y: int, x: int,
-               differs: bool, low: int, width: int, at: int) -> Tuple[int, int, int, int]:
+@borrowing
+def _code_cell(encoding: bool, data: Array, learnt: Learnt, cells: Array, y: int, x: int, differs: bool, state: State
+               ) -> Tuple[int, State]:
     """Code a cell's value, or BROKEN."""
-    if not graded:
-        return _code_compared(encoding, data, chances, graded, cells, y, x, differs, low, width, at)
-    far, near = places_of(cells, y, x)
-    value, differs, low, width, at = code_ranked(encoding, data, chances, memory, far, near, cells, y, x, differs, low,
-                                                 width, at)
+    if not learnt.is_graded:
+        return _code_compared(encoding, data, learnt, cells, y, x, differs, state)
+    value, differs, state = code_ranked(encoding, data, learnt, cells, y, x, differs, state)
     if value == NONE:
-        value, low, width, at = _code_compared(encoding, data, chances, graded, cells, y, x, differs, low, width, at)
+        value, state = _code_compared(encoding, data, learnt, cells, y, x, differs, state)
     if value > BROKEN:
-        remember(memory, far, value)
-        remember(memory, near, value)
-    return value, low, width, at
+        remember(learnt.memory, places_of(cells, y, x), value)
+    return value, state
 
 
 @compiled
-def _code_cells(encoding: bool, data: Array, graded: bool, cells: Array) -> Tuple[bool, int, int, int]:
+def _code_cells(encoding: bool, data: Array, graded: bool, cells: Array) -> Tuple[bool, State]:
     """Code all cells, which have a margin; whether the stream or the encoder's room did not end before, and the coder's
     state."""
-    chances, memory = unused(CONTEXTS), empty_memory(graded)
-    low, width, at = begin(encoding, data, 1)
+    learnt = Learnt(unused(CONTEXTS), empty_memory(graded), graded)
+    state = begin(encoding, data, 1)
     for y in range(MARGIN, cells.shape[0]):
         begin_row(cells, y)
         x = MARGIN
         while x < cells.shape[1] - MARGIN:
             length = run_of(cells, y, x)
             if length:
-                same, low, width, at = _code_run(encoding, data, chances, cells, y, x, length, low, width, at)
+                same, state = _code_run(encoding, data, learnt.chances, cells, y, x, length, state)
                 if same < 0:
-                    return False, low, width, at
+                    return False, state
                 if not encoding:
                     cells[y, x:x + same] = cells[y, x - 1]
                 x += same
                 if same == length:
                     continue
-            value, low, width, at = _code_cell(encoding, data, chances, memory, graded, cells, y, x, length > 0, low,
-                                               width, at)
+            value, state = _code_cell(encoding, data, learnt, cells, y, x, length > 0, state)
             if value <= BROKEN:
-                return False, low, width, at
+                return False, state
             cells[y, x] = value
             x += 1
         end_row(cells, y)
-    return True, low, width, at
+    return True, state
 
 
 @compiled
@@ -153,14 +146,14 @@ def encode_cells(tile: Array, graded: bool, data: UInt8Array) -> int:
     """Write the cells of a tile behind the first byte of `data`; the number of bytes. 0: there is no room."""
     cells = with_margin(tile.shape[0], tile.shape[1])
     cells[MARGIN:, MARGIN:-MARGIN] = tile
-    good, low, width, at = _code_cells(True, data, graded, cells)
-    return finish(data, low, width, at) if good else 0
+    good, state = _code_cells(True, data, graded, cells)
+    return finish(data, state) if good else 0
 
 
 @compiled
 def decode_cells(tile: Array, graded: bool, data: UInt8Array) -> bool:
     """Read the cells of a tile; False: the bytes are not those of one."""
     cells = with_margin(tile.shape[0], tile.shape[1])
-    good, low, width, at = _code_cells(False, data, graded, cells)
+    good, state = _code_cells(False, data, graded, cells)
     tile[:] = cells[MARGIN:, MARGIN:-MARGIN]
-    return good and at >= len(data)
+    return good and state[2] >= len(data)

@@ -10,8 +10,8 @@ from typing import Tuple
 import numpy as np
 
 from ...arrays import Array
-from ..layered.loops import compiled, int64
-from ..layered.range_coder import decide, refilled, unknown_of
+from ..layered.loops import borrowing, compiled, int64
+from ..layered.range_coder import State, decide, refilled, unknown_of
 
 CLASS_BITS = 2
 """Size of the class of each neighbour in a context [bit]. The nearest neighbour comes first."""
@@ -40,25 +40,25 @@ def unused(contexts: int) -> Array:
     return np.zeros(contexts, np.uint32)
 
 
-@compiled
+@borrowing
 def _adapted(chance: int, symbol: int) -> int:
     probability, count = chance >> COUNT_BITS, chance & ((1 << COUNT_BITS) - 1)
     probability += ((0 if symbol else LARGEST) - probability) * _RATES[count] >> 16
     return probability << COUNT_BITS | min(count + 1, MOST_COUNTED)
 
 
-@compiled
-def _code(encoding: bool, data: Array, chance: int, symbol: int, low: int, width: int, at: int
-          ) -> Tuple[int, int, int, int]:
+@borrowing
+def _code(encoding: bool, data: Array, chance: int, symbol: int, state: State) -> Tuple[int, State]:
+    low, width, at = state
     probability = min(max(chance >> 16, LEAST_CHANCE), 65536 - LEAST_CHANCE)
     bound = (width >> 16) * probability
     symbol, low, width = decide(encoding, symbol, bound, low, width, unknown_of(data, at))
-    return refilled(encoding, data, symbol, low, width, at)
+    return refilled(encoding, data, symbol, (low, width, at))
 
 
-@compiled
-def code_single(encoding: bool, data: Array, chances: Array, context: int, symbol: int, low: int, width: int, at: int
-                ) -> Tuple[int, int, int, int]:
+@borrowing
+def code_single(encoding: bool, data: Array, chances: Array, context: int, symbol: int, state: State
+                ) -> Tuple[int, State]:
     """Code a symbol, 0 or 1, in a context of one order; the decoder ignores the given one.
 
     :returns: the symbol or END, and the coder's state
@@ -66,15 +66,15 @@ def code_single(encoding: bool, data: Array, chances: Array, context: int, symbo
     chance = int64(chances[context])
     if chance == 0:
         chance = int64(EVEN)
-    symbol, low, width, at = _code(encoding, data, chance, symbol, low, width, at)
+    symbol, state = _code(encoding, data, chance, symbol, state)
     if symbol >= 0:
         chances[context] = _adapted(chance, symbol)
-    return symbol, low, width, at
+    return symbol, state
 
 
-@compiled
-def code_ordered(encoding: bool, data: Array, chances: Array, decision: int, context: int, symbol: int, low: int,
-                 width: int, at: int) -> Tuple[int, int, int, int]:
+@borrowing
+def code_ordered(encoding: bool, data: Array, chances: Array, decision: int, context: int, symbol: int, state: State
+                 ) -> Tuple[int, State]:
     """Code a symbol in contexts of all orders.
 
     :param decision: where its contexts begin
@@ -90,9 +90,9 @@ def code_ordered(encoding: bool, data: Array, chances: Array, decision: int, con
         middle = least >> COUNT_BITS << COUNT_BITS | INHERITED
     if most == 0:
         most = middle >> COUNT_BITS << COUNT_BITS | INHERITED
-    symbol, low, width, at = _code(encoding, data, most, symbol, low, width, at)
+    symbol, state = _code(encoding, data, most, symbol, state)
     if symbol >= 0:
         chances[second] = _adapted(least, symbol)
         chances[fourth] = _adapted(middle, symbol)
         chances[eighth] = _adapted(most, symbol)
-    return symbol, low, width, at
+    return symbol, state

@@ -1,6 +1,6 @@
 # SPDX-License-Identifier: BSD-3-Clause
 """The points of a sensor_msgs/PointCloud2 of any layout as plain arrays."""
-from typing import Any, Iterable, List, Mapping, NamedTuple, Optional, Sequence, Tuple
+from typing import Any, List, Mapping, NamedTuple, Optional, Sequence, Tuple
 
 import numpy as np
 
@@ -59,31 +59,30 @@ class Layout(NamedTuple):
     """A field that contradicts the data, which decide."""
 
 
-def as_points(data: Buffer, fields: Iterable[Any], height: int, width: int, point_step: int, row_step: int,
-              is_bigendian: bool, with_intensity: bool = False) -> Tuple[Float32Array, Optional[Float32Array]]:
+def as_points(message: Any, with_intensity: bool = False) -> Tuple[Float32Array, Optional[Float32Array]]:
     """The finite points of a cloud, organised or not.
 
-    :param fields: sensor_msgs/PointFields: objects with name, offset, datatype, count
+    :param message: a sensor_msgs/PointCloud2, or an object with the same attributes; its header is not used
     :return: (n, 3) float32 x, y, z [m], and (n,) float32 intensity, or None if not requested or not present; in the
         cloud's order, without points whose coordinates are NaN or infinite
     :raises ValueError: names the wrong field and its value
     """
-    cloud = read_cloud(data, fields, height, width, point_step, row_step, is_bigendian, with_intensity)
+    cloud = read_cloud(message, with_intensity)
     points = cloud.points if cloud.datum is None else (cloud.points + cloud.datum).astype(np.float32)
     return points, cloud.intensity
 
 
-def read_cloud(data: Buffer, fields: Iterable[Any], height: int, width: int, point_step: int, row_step: int,
-               is_bigendian: bool, with_intensity: bool = False, further: Sequence[str] = ()) -> Cloud:
+def read_cloud(message: Any, with_intensity: bool = False, further: Sequence[str] = ()) -> Cloud:
     """As as_points, with further fields of any type; doubles far from the origin are relative to a datum.
 
     :param further: their names; those that the cloud does not have are left out
     :raises ValueError: names the wrong field and its value
     """
-    layout = _layout(data, height, width, point_step, row_step)
+    data, is_bigendian = message.data, message.is_bigendian
+    layout = _layout(data, message.height, message.width, message.point_step, message.row_step)
     if not layout.height * layout.width:    # whatever its fields are
         return Cloud(np.zeros((0, 3), np.float32), None, _raw(data, [], (0, 0), (0, 0), False), ())
-    by_name = {field.name: field for field in fields}
+    by_name = {field.name: field for field in message.fields}
     _check_coordinates(by_name)
     with_intensity = with_intensity and 'intensity' in by_name and 'intensity' not in further
     further = [name for name in further if name in by_name]

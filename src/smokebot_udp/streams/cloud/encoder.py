@@ -179,8 +179,7 @@ def _reduced(message: Any, settings: Settings, loaded: bool) -> Cloud:
     :param loaded: whether compiled loops are loaded
     :raises ValueError: where the layout is wrong
     """
-    found = read_cloud(message.data, message.fields, message.height, message.width, message.point_step,
-                       message.row_step, message.is_bigendian, settings['intensity'], names_of(settings['fields']))
+    found = read_cloud(message, settings['intensity'], names_of(settings['fields']))
     points, intensity, extra = found.points, found.intensity, found.extra
     kept = _cropped(points if found.datum is None else points + found.datum, settings)
     if kept is not None:

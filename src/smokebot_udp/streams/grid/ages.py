@@ -7,6 +7,7 @@ from geometry_msgs.msg import Point, Pose
 
 from ...arrays import Array
 from ...codecs.tiles.rectangle import Rectangle
+from ...codecs.wire.grid import UNKNOWN
 from ...rotation import rotation
 from .placed import moved, renumbered
 from .snapshot import grid_message
@@ -19,8 +20,6 @@ FRESH = 3.0
 
 OLDEST = 100
 """Greater ages are shown as this one [s]."""
-
-UNKNOWN = -1
 
 
 class Ages:

@@ -11,7 +11,7 @@ import numpy as np
 from ...arrays import FloatArray, IntArray, UInt8Array
 from ...codecs.layered import image, quality
 from ...codecs.layered.pieces import MAX_LAYERS, Plan, protect
-from ...codecs.layered.plan import LAYER_BYTES, best_plan, sure_size, worth
+from ...codecs.layered.plan import LAYER_BYTES, MOST_LOSS, best_plan, sure_size, worth
 from ...codecs.layered.survival import survival
 from ...mission.settings import Settings
 from ...msg import LayeredSegment
@@ -40,9 +40,6 @@ LEAST_PIECES = 128
 
 RESERVE = 0.85
 """A complete image is protected against losses that are not exceeded with this probability."""
-
-MOST_LOSS = 0.99
-"""Against heavier losses an image is protected as against this packet-loss ratio."""
 
 UNIFORM_ERROR = 12 ** -0.5
 """Rms error of values rounded to counts. The exact stream is as long as the other one is up to this error, within 5 %.

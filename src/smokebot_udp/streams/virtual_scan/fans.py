@@ -67,19 +67,17 @@ class FanCache:
         mine = [settings[name] for name in FAN_SETTINGS]
         with self._lock:
             if self._result is None or message is not self._message or mine != self._settings:
-                self._result = self._compute(message, *mine)
+                self._result = self._compute(message, settings)
                 self._message, self._settings = message, mine
             return self._result
 
-    def _compute(self, message: Any, base_frame: str, mount_height: float, roll: float, pitch: float,
-                 min_height: float, slope: float, range_min: float, range_max: float) -> Levelled:
-        cloud = read_cloud(message.data, message.fields, message.height, message.width, message.point_step,
-                           message.row_step, message.is_bigendian)
+    def _compute(self, message: Any, settings: Mapping[str, Any]) -> Levelled:
+        cloud = read_cloud(message)
         points, datum, problems = cloud.points, np.zeros(3) if cloud.datum is None else cloud.datum, cloud.problems
         if cloud.datum is None and not points[:, 0].all():      # drivers write missing returns as (0, 0, 0)
             points = points[points.any(axis=1)]
-        frame, height = message.header.frame_id, mount_height
-        turn, shift = mounting(roll, pitch), np.zeros(3)
+        frame, height, base_frame = message.header.frame_id, settings['mount_height'], settings['base_frame']
+        turn, shift = mounting(settings['mount_roll'], settings['mount_pitch']), np.zeros(3)
         if base_frame and self._lookup is not None:
             known = self._lookup(base_frame, message.header)
             if known is not None:
@@ -93,5 +91,6 @@ class FanCache:
         if place != self._place:
             self._place, self._finder = place, GroundFinder(height)
         plane = self._finder.find(points, self._codec.ready())
-        return Levelled(virtual_scan.fan(points, plane, tolerance=min_height, slope=slope,
-                                         range_min=range_min, range_max=range_max), frame, problems)
+        fan = virtual_scan.fan(points, plane, tolerance=settings['min_height'], slope=settings['slope'],
+                               range_min=settings['range_min'], range_max=settings['range_max'])
+        return Levelled(fan, frame, problems)
