@@ -25,8 +25,8 @@ APART = ['unshare', '--net', '--mount', 'sh', '-c', 'ip link set lo up && ip rou
          'mkdir -p /run/netns && mount -t tmpfs none /run/netns && exec "$@"', 'sh']
 """Runs a command in a network of its own: tests have fixed ports and interfaces, and name networks."""
 NETWORKED = 'pytest_unit', 'rostest_test_integration_browser.test'
-"""Tests that need the machine's network, and not at the same time: the unit tests ask its names and addresses, and the
-browser is not started without it. The first one takes longest."""
+"""Tests in the machine's network, the first and the last one: the unit tests ask for its names and addresses, and take
+longest. Those of the browser were not made to run apart."""
 
 
 def checks(workspace: pathlib.Path) -> Dict[str, List[str]]:
