@@ -2,12 +2,10 @@
 """All checks and tests of this checkout: `run_tests.py WORKSPACE [PYTEST_ARG ...]`, for ./smokebot test.
 
 Runs ruff, mypy, vermin and catkin_lint, and checks docstrings and the generated documentation; then the workspace's
-tests by catkin, two at once where each can have a network of its own. catkin exits with 0 even where tests fail, so the
-JUnit files that the tests write decide. With PYTEST_ARGs only pytest runs, with these.
+tests by catkin. catkin exits with 0 even where tests fail, so the JUnit files that the tests write decide. With
+PYTEST_ARGs only pytest runs, with these.
 """
-import concurrent.futures
 import fcntl
-import os
 import pathlib
 import shutil
 import subprocess
@@ -19,14 +17,6 @@ from typing import Dict, Iterable, List, Tuple
 TOP = pathlib.Path(__file__).resolve().parent.parent
 REASON_LINES = 30
 """Number of last lines of a failed test's text that are repeated at the end, where a long log is cut."""
-AT_ONCE = 2
-"""Number of tests that run at once: those of nodes mostly wait. Tests of times are repeated where disturbed."""
-APART = ['unshare', '--net', '--mount', 'sh', '-c', 'ip link set lo up && ip route add default dev lo && '
-         'mkdir -p /run/netns && mount -t tmpfs none /run/netns && exec "$@"', 'sh']
-"""Runs a command in a network of its own: tests have fixed ports and interfaces, and name networks."""
-NETWORKED = 'pytest_unit', 'rostest_test_integration_browser.test'
-"""Tests in the machine's network, the first and the last one: the unit tests ask for its names and addresses, and take
-longest. Those of the browser were not made to run apart."""
 
 
 def checks(workspace: pathlib.Path) -> Dict[str, List[str]]:
@@ -62,49 +52,15 @@ def run_checks(workspace: pathlib.Path) -> Tuple[int, int]:
 
 
 def run_workspace_tests(workspace: pathlib.Path) -> Tuple[bool, List[pathlib.Path]]:
-    """Run catkin's tests; whether all ran, and their JUnit files, none older."""
-    results, home = workspace / 'build' / 'test_results', workspace / 'build' / 'ros_home'
-    for folder in results, home:
-        shutil.rmtree(folder, ignore_errors=True)
+    """Run catkin's tests one after the other; whether all ran, and their JUnit files, none older."""
+    results = workspace / 'build' / 'test_results'
+    shutil.rmtree(results, ignore_errors=True)
     say('the tests')
-    if subprocess.run([*APART, 'true'], stderr=subprocess.DEVNULL).returncode:
-        finished = made(workspace, 'run_tests')
-    else:
-        finished = made(workspace, 'tests') and run_apart(workspace / 'build', home)
+    finished = subprocess.run(['catkin_make', '-C', str(workspace), '--no-color', '-j1', 'run_tests'],
+                              stdin=subprocess.DEVNULL).returncode == 0
     if not finished:
-        say('FAILED catkin_make')
+        say('FAILED catkin_make run_tests')
     return finished, sorted(results.rglob('*.xml'))
-
-
-def made(workspace: pathlib.Path, target: str) -> bool:
-    """Whether catkin makes a target."""
-    return subprocess.run(['catkin_make', '-C', str(workspace), '--no-color', '-j1', target],
-                          stdin=subprocess.DEVNULL).returncode == 0
-
-
-def run_apart(build: pathlib.Path, home: pathlib.Path) -> bool:
-    """Run all tests that catkin knows, AT_ONCE at a time; whether all ran.
-
-    :param build: catkin's folder
-    :param home: each test has its folder of ROS in it
-    """
-    listed = subprocess.run(['make', '-C', str(build), 'help'], stdout=subprocess.PIPE, check=True).stdout.decode()
-    prefix = 'run_tests_smokebot_udp_'
-    names = sorted(word[len(prefix):] for word in listed.split() if word.startswith(prefix) and '_' in
-                   word[len(prefix):])
-
-    def run(name: str) -> bool:
-        apart = [] if name in NETWORKED else APART
-        done = subprocess.run([*apart, 'make', '-C', str(build), prefix + name], stdin=subprocess.DEVNULL,
-                              stdout=subprocess.PIPE, stderr=subprocess.STDOUT,
-                              env={**os.environ, 'ROS_HOME': str(home / name)})
-        say(name)
-        sys.stderr.buffer.write(done.stdout)
-        return done.returncode == 0
-    first, last = NETWORKED
-    ordered = [name for name in (first, *(one for one in names if one not in NETWORKED), last) if name in names]
-    with concurrent.futures.ThreadPoolExecutor(AT_ONCE) as lanes:
-        return all(list(lanes.map(run, ordered)))
 
 
 def outcome(case: ElementTree.Element) -> str:
