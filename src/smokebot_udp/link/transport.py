@@ -64,13 +64,24 @@ def never(now: float) -> Optional[bytes]:
     return None
 
 
+class Datagrams(NamedTuple):
+    """Those of a link."""
+    max_size: int = DEFAULT_MAX_DATAGRAM_SIZE
+    """The longest to send and to receive, the link's overhead included [byte of UDP payload]."""
+    receive_buffer: int = 4 << 20
+    """Requested from the kernel [byte]."""
+    tos_mask: int = 0
+    """The bits that are used of the second byte of IP headers, see traffic.mask."""
+
+
+DEFAULT_DATAGRAMS = Datagrams()
+
+
 class LinkTransport:
     """What both sides have in common: a transport.Transport, and the Handler of its endpoint.
 
     :param core: of this side
     :param port: to bind; 0: any
-    :param receive_buffer: requested from the kernel [byte]
-    :param tos_mask: of the second byte of IP headers, see traffic.mask
     :param renewed: f(now [s]) -> a key that replaces the present one, if there is one
     :param report: f(text), called with what somebody has to see to
     :param log: f(text), called with what happens
@@ -80,8 +91,8 @@ class LinkTransport:
     own_masters = True
     overhead = OVERHEAD
 
-    def __init__(self, core: LinkCore, port: int, receive_buffer: int, tos_mask: int, renewed: Renewed, report: Report,
-                 log: Report, remarks: Sequence[str] = ()) -> None:
+    def __init__(self, core: LinkCore, port: int, datagrams: Datagrams, renewed: Renewed, report: Report, log: Report,
+                 remarks: Sequence[str] = ()) -> None:
         self.name = encode_name(core.name).decode()     # as the other side has it
         self.max_datagram_size = self.room = core.max_datagram_size - OVERHEAD
         self._core, self._renewed, self._report, self._log = core, renewed, report, log
@@ -97,14 +108,14 @@ class LinkTransport:
         self._unknown = self._unasked = 0           # datagrams of no topic, and of one that was not asked for
         self._handshakes = 0                        # of peers that have left
         self._changed, self._seen, self._looked, self._due, self._drops_at = True, 0, 0.0, 0.0, 0.0
-        receiver = open_receiver('link', '', core.max_datagram_size, receive_buffer, port)
+        receiver = open_receiver('link', '', core.max_datagram_size, datagrams.receive_buffer, port)
         self.port = receiver.address[1]
-        shortage = receiver.shortage(receive_buffer)
+        shortage = receiver.shortage(datagrams.receive_buffer)
         self.remarks = remarks if shortage is None else [*remarks, '%s: %s' % (SHORT_BUFFER, shortage)]
         self._kernel_drops = 0                      # that connections were told of
         self._endpoint = Endpoint(core, receiver, self, report)
-        self._endpoint.sender.tos = traffic.EXPEDITED & tos_mask
-        self.tos_mask = tos_mask
+        self._endpoint.sender.tos = traffic.EXPEDITED & datagrams.tos_mask
+        self.tos_mask = datagrams.tos_mask
         self.on_moved: Callable[[], None] = nothing
 
     # -- transport.Transport --------------------------------------------------------------------------
@@ -348,19 +359,6 @@ def shares(total: int, weights: Sequence[int]) -> List[int]:
     return found
 
 
-class Datagrams(NamedTuple):
-    """Those of a link."""
-    max_size: int = DEFAULT_MAX_DATAGRAM_SIZE
-    """The longest to send and to receive, the link's overhead included [byte of UDP payload]."""
-    receive_buffer: int = 4 << 20
-    """Requested from the kernel [byte]."""
-    tos_mask: int = 0
-    """The bits that are used of the second byte of IP headers, see traffic.mask."""
-
-
-DEFAULT_DATAGRAMS = Datagrams()
-
-
 class RobotTransport(LinkTransport):
     """The robot's side.
 
@@ -376,7 +374,7 @@ class RobotTransport(LinkTransport):
     def __init__(self, port: int, key: bytes, *, datagrams: Datagrams = DEFAULT_DATAGRAMS, name: Optional[str] = None,
                  renewed: Renewed = never, report: Report = rospy.logerr, log: Report = rospy.loginfo) -> None:
         core = RobotCore(key, os.urandom, datagrams.max_size, own_name() if name is None else name)
-        super().__init__(core, port, datagrams.receive_buffer, datagrams.tos_mask, renewed, report, log)
+        super().__init__(core, port, datagrams, renewed, report, log)
         self._endpoint.start()
 
     def _on_refused(self, event: Refused) -> None:
@@ -404,7 +402,7 @@ class OperatorTransport(LinkTransport):
         self._troubled: Optional[float] = None      # since when there is a problem
         self._last_problem: Optional[str] = None    # that was reported
         self._has_left = False      # and has said so
-        super().__init__(self._operator, 0, datagrams.receive_buffer, datagrams.tos_mask, renewed, report, log, remarks)
+        super().__init__(self._operator, 0, datagrams, renewed, report, log, remarks)
         self._endpoint.start()
 
     def problem(self) -> Optional[str]:

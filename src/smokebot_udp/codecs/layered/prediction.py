@@ -142,9 +142,8 @@ def _flag_context(flags: Array, number: int, own: Tuple[int, int, int], parent: 
     y, x = number // wide, number % wide
     left = int64(flags[first + number - 1]) if x > 0 else 2
     above = int64(flags[first + number - wide]) if y > 0 else 2
-    coarser, (parents, end, parents_wide) = 2, parent
+    coarser, (parents, high, parents_wide) = 2, parent
     if parents >= 0:
-        high = (end - parents) // parents_wide
         coarser = int64(flags[parents + min(y >> 1, high - 1) * parents_wide + min(x >> 1, parents_wide - 1)])
     return 9 * left + 3 * above + coarser
 
@@ -175,10 +174,10 @@ def _code_noise(encoding: bool, noise: int, before: int, data: Array, odds: Arra
 
 @borrowing
 def _flags_of(number: int, bands: Array, firsts: Array) -> Tuple[int, int, int]:
-    """Where the flags of a band begin and end, and how many are in a row; (-1, 0, 1) of -1: no band."""
+    """Where the flags of a band begin, their rows and columns; they begin at -1 where the number is -1: no band."""
     if number < 0:
-        return int64(-1), int64(0), int64(1)
-    return firsts[number], firsts[number + 1], (bands[number, COLUMNS] + SIDE - 1) // SIDE
+        return int64(-1), int64(0), int64(0)
+    return (firsts[number], (bands[number, ROWS] + SIDE - 1) // SIDE, (bands[number, COLUMNS] + SIDE - 1) // SIDE)
 
 
 @borrowing
@@ -189,8 +188,8 @@ def _code_flags(encoding: bool, own: Tuple[int, int, int], parent: Tuple[int, in
     :param own: see _flags_of
     :param parent: likewise, of the next coarser band
     """
-    first, end, wide = own
-    other = 0
+    first, high, wide = own
+    end, other = first + high * wide, 0
     if encoding:
         for i in range(first, end):
             other |= 1 - flags[i]

@@ -104,11 +104,12 @@ def _code_cell(encoding: bool, data: Array, learnt: Learnt, cells: Array, y: int
     """Code a cell's value, or BROKEN."""
     if not learnt.is_graded:
         return _code_compared(encoding, data, learnt, cells, y, x, differs, state)
-    value, differs, state = code_ranked(encoding, data, learnt, cells, y, x, differs, state)
+    places = places_of(cells, y, x)
+    value, differs, state = code_ranked(encoding, data, learnt, places, cells, (y, x), differs, state)
     if value == NONE:
         value, state = _code_compared(encoding, data, learnt, cells, y, x, differs, state)
     if value > BROKEN:
-        remember(learnt.memory, places_of(cells, y, x), value)
+        remember(learnt.memory, places, value)
     return value, state
 
 

@@ -62,14 +62,16 @@ def remember(memory: Array, places: Tuple[int, int], value: int) -> None:
 
 
 @borrowing
-def code_ranked(encoding: bool, data: Array, learnt: Learnt, cells: Array, y: int, x: int, differs: bool, state: State
-                ) -> Tuple[int, bool, State]:
+def code_ranked(encoding: bool, data: Array, learnt: Learnt, places: Tuple[int, int], cells: Array,
+                cell: Tuple[int, int], differs: bool, state: State) -> Tuple[int, bool, State]:
     """Code whether a cell is what one of the memories says.
 
+    :param places: of it in the memories
+    :param cell: its row and column
     :param differs: whether it is known to differ from its western neighbour
     :returns: its value, NONE or BROKEN; whether it is known now to differ; the coder's state
     """
-    far, near = places_of(cells, y, x)
+    (far, near), (y, x) = places, cell
     entries = int64(learnt.memory[far]), int64(learnt.memory[near])
     west, north = int64(cells[y, x - 1]), int64(cells[y - 1, x])
     agreed = 0 if entries[1] == 0 else 1 if (entries[0] ^ entries[1]) & 255 == 0 else 2
